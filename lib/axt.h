@@ -1,0 +1,15 @@
+/* axt.h - AxisTwin: a digital twin of a servo axis that fits inside the drive. Includes everything.
+ */
+#ifndef AXT_H
+#define AXT_H
+
+#include "axt_axis.h"
+#include "axt_encoder.h"
+#include "axt_excitation.h"
+#include "axt_filter.h"
+#include "axt_ident.h"
+#include "axt_plant.h"
+#include "axt_rls.h"
+#include "axt_status.h"
+
+#endif

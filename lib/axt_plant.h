@@ -1,0 +1,95 @@
+/* axt_plant.h - the axis of Eq. 3 integrated by Newmark's method (Eqs. 4-6), step by step.
+ *
+ * The equations are split into the twist q = theta1 - theta2, which stays small, and the rigid body
+ * r = (I1 theta1 + I2 theta2) / (I1 + I2), which travels without bound:
+ *
+ *     q'' + (B / Ir) q' + (K / Ir) q = T / I1,   Ir = I1 I2 / (I1 + I2)
+ *     r'' = T / (I1 + I2)
+ *
+ * Newmark's method is linear, so it commutes with this change of coordinates. The twist then keeps
+ * all its digits in float32 wherever the axis stands, and the rigid body is a double sum of the
+ * torque samples, kept without rounding error (see axt_plant.c) and modulo one turn.
+ */
+#ifndef AXT_PLANT_H
+#define AXT_PLANT_H
+
+#include "axt_axis.h"
+#include "axt_real.h"
+#include "axt_status.h"
+
+/* Largest torque that a step accepts [N m or N]: far above any servo axis, and small enough that no
+ * sum can overflow. */
+#define AXT_PLANT_TORQUE_MAX 1e9
+
+/* Newmark's alpha (of the displacement) and delta (of the speed), Eqs. 4-6.
+ * 1/4, 1/2: the trapezoidal rule, unconditionally stable and without numerical damping. */
+typedef struct {
+    axt_real alpha; /* 0 .. 1 */
+    axt_real delta; /* 1/2 .. 1 */
+} axt_newmark;
+
+extern const axt_newmark axt_newmark_trapezoidal; /* 1/4, 1/2 */
+
+/* Where the axis is and how it moves, seen from the motor: the table is one twist behind it. The
+ * motor's angle is 2 pi (turns + fraction + fraction_low) [rad]. */
+typedef struct {
+    axt_real twist;        /* theta1 - theta2 [rad] */
+    axt_real twist_speed;  /* [rad/s] */
+    axt_real speed;        /* of the motor [rad/s] */
+    int32_t turns;         /* whole turns of the motor, wrapping around */
+    axt_real fraction;     /* of a turn, about -1/2 .. 1/2 */
+    axt_real fraction_low; /* digits of the fraction beyond the number type */
+} axt_motion;
+
+/* The plant. Its fields are its own business; read it with axt_plant_read(). */
+typedef struct {
+    /* Newmark's step for the twist */
+    axt_real predict_speed;  /* Dt */
+    axt_real predict_twist;  /* (1/2 - alpha) Dt^2 */
+    axt_real correct_twist;  /* alpha Dt^2 */
+    axt_real predict_rate;   /* (1 - delta) Dt */
+    axt_real correct_rate;   /* delta Dt */
+    axt_real gain_torque;    /* acceleration for 1 N m at the end of the step */
+    axt_real gain_damping;   /* ... for 1 rad/s of twist speed */
+    axt_real gain_stiffness; /* ... for 1 rad of twist */
+    /* reading the sums back */
+    axt_real alpha;
+    axt_real delta;
+    axt_real turn;        /* one turn in units of `travel` */
+    axt_real speed_unit;  /* rigid-body speed in units of `impulse` [rad/s] */
+    axt_real motor_share; /* I2 / (I1 + I2): the motor's share of the twist */
+    /* state */
+    axt_real twist;
+    axt_real twist_speed;
+    axt_real twist_acceleration;
+    axt_real torque;
+    axt_real impulse; /* sum of the torque samples, two words */
+    axt_real impulse_low;
+    axt_real travel; /* sum of those sums modulo one turn, two words */
+    axt_real travel_low;
+    int32_t turns;
+    uint32_t rejected; /* torque samples refused, wrapping around */
+} axt_plant;
+
+/* The axis at rest at angle 0 with torque 0 acting: everything is zero.
+ * `time_step` [s]: 1e-7 .. 1, and wn Dt <= 1e3. Fails as axt_axis_check(), or with AXT_ERROR_RANGE;
+ * `plant` is then unchanged. Cost: a dozen divisions. */
+axt_status axt_plant_init(axt_plant *plant, const axt_axis *axis, axt_real time_step,
+                          const axt_newmark *newmark);
+
+/* Puts the plant into the state `motion` with `torque` [N m] acting; the acceleration follows from
+ * equilibrium (Eq. 3). AXT_ERROR_NOT_FINITE or AXT_ERROR_RANGE (torque beyond its limit, speed of
+ * half a turn a step or more) leave the plant as it was. */
+axt_status axt_plant_set(axt_plant *plant, const axt_motion *motion, axt_real torque);
+
+/* One step of Newmark's method: `torque` [N m] is the torque at the end of the step, varying
+ * linearly from the last one. Cost: 8 multiply-adds for the twist, some 20 additions for the rigid
+ * body, no division; the same whatever the data. AXT_ERROR_NOT_FINITE or AXT_ERROR_RANGE: the
+ * sample is counted in `rejected` and the plant does not move. The speed of the rigid body
+ * saturates at half a turn a step. */
+axt_status axt_plant_step(axt_plant *plant, axt_real torque);
+
+/* The present motion. Cost: about 25 operations. */
+void axt_plant_read(const axt_plant *plant, axt_motion *motion);
+
+#endif
