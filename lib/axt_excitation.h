@@ -20,6 +20,7 @@ typedef struct {
     uint32_t first;  /* first harmonic, 1 or more */
     uint32_t stride; /* distance between lines, 1 or more (2: odd lines only) */
     uint32_t lines;  /* number of lines, 1 or more; the last one below length / 2 */
+    uint32_t seed;   /* 0: Schroeder's phases; any other number: random phases drawn from it */
     axt_real rms;    /* of the whole signal, in the unit wanted (N m), 0 or more */
 } axt_schroeder;
 
