@@ -18,6 +18,8 @@
 typedef struct {
     axt_real half_dt; /* Dt / 2 [s] */
     axt_real w;       /* corner [rad/s] */
+    axt_real w2;      /* 2 w^2 */
+    axt_real w3;      /* w^3 */
     axt_real gain;    /* 1 / (1 + 2 g + 2 g^2 + g^3), g = w Dt / 2 */
 } axt_filter;
 

@@ -62,11 +62,13 @@ typedef struct {
     axt_filter_state twist_filter;
     axt_filter_state body_filter;
     axt_filter_state torque_filter;
-    axt_real scale[AXT_RLS_INPUTS_MAX]; /* regressor = scale x physical value; powers of two */
+    axt_real scale[AXT_RLS_INPUTS_MAX];         /* regressor = scale x value; powers of two */
     axt_real output_scale[AXT_RLS_OUTPUTS_MAX]; /* likewise for the outputs */
     axt_real last[AXT_RLS_INPUTS_MAX];          /* q, r, q', r', T of the last sample */
+    axt_real residual[3]; /* discounted sums of squares: twist, body, twist x body */
+    axt_real weight;      /* discounted number of residuals */
     axt_real motor_share; /* I2 / (I1 + I2) of the expected axis: r = theta1 - motor_share q */
-    int32_t zero[2];      /* counts, or turns, from which angles are reckoned */
+    int32_t zero[2];      /* counts of both encoders, or turns, from which angles are reckoned */
     uint32_t seen;        /* samples since the start or the last gap, saturating */
     uint32_t settling;    /* samples until the filter has forgotten its start */
 } axt_ident;
@@ -80,10 +82,15 @@ void axt_ident_reset(axt_ident *ident);
 /* The next sample will not be one time step after the last: nothing is learned across the gap. */
 void axt_ident_gap(axt_ident *ident);
 
-/* A sample with measured speeds: the motion and the torque [N m] of the same instant. */
+/* A sample with measured speeds: the motion and the torque [N m] of the same instant. Cost: one RLS
+ * update and about 30 operations. A sample that is refused (not finite, or far beyond what
+ * `expected` and `torque` allow) is counted in `rls.rejected`, nothing is learned from it, and the
+ * next one starts afresh as after a gap. AXT_ERROR_RANGE when the settings say encoders. */
 axt_status axt_ident_motion(axt_ident *ident, const axt_motion *motion, axt_real torque);
 
-/* A sample from encoders alone: counts of motor and table and the torque of the same instant. */
+/* A sample from encoders alone: counts of motor and table and the torque of the same instant. Cost:
+ * one RLS update and about 60 operations. Fails as axt_ident_motion(); AXT_ERROR_RANGE when the
+ * settings say speeds. */
 axt_status axt_ident_counts(axt_ident *ident, int32_t motor, int32_t table, axt_real torque);
 
 /* The present answer. AXT_ERROR_NO_DATA (with the flags cleared and zeros) before the estimate

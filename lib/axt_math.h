@@ -81,6 +81,11 @@ static inline bool axt_finite(axt_real x) {
     return axt_abs(x) <= AXT_REAL_MAX;
 }
 
+/* a + b on a register that wraps around at 32 bits, as an encoder's does. */
+static inline int32_t axt_wrap_add(int32_t a, int32_t b) {
+    return (int32_t)((uint32_t)a + (uint32_t)b);
+}
+
 /* An unevaluated sum hi + lo with |lo| <= half a unit in the last place of hi: twice the digits. */
 typedef struct {
     axt_real hi;

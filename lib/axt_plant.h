@@ -52,10 +52,15 @@ typedef struct {
     axt_real gain_torque;    /* acceleration for 1 N m at the end of the step */
     axt_real gain_damping;   /* ... for 1 rad/s of twist speed */
     axt_real gain_stiffness; /* ... for 1 rad of twist */
+    /* equilibrium, for the initial acceleration */
+    axt_real acceleration_torque;
+    axt_real acceleration_damping;
+    axt_real acceleration_stiffness;
     /* reading the sums back */
     axt_real alpha;
     axt_real delta;
     axt_real turn;        /* one turn in units of `travel` */
+    axt_real per_turn;    /* its reciprocal */
     axt_real speed_unit;  /* rigid-body speed in units of `impulse` [rad/s] */
     axt_real motor_share; /* I2 / (I1 + I2): the motor's share of the twist */
     /* state */
