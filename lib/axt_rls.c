@@ -28,7 +28,7 @@ void axt_rls_reset(axt_rls *rls) {
                      .outputs = rls->outputs,
                      .rejected = rls->rejected};
     for (uint32_t i = 0; i < rls->inputs; i++) {
-        fresh.P[packed(rls->inputs, i, i)] = rls->prior;
+        fresh.factor[packed(rls->inputs, i, i)] = rls->prior;
     }
     *rls = fresh;
 }
@@ -47,6 +47,47 @@ static axt_status reject(axt_rls *rls, axt_status why) {
     return why;
 }
 
+/* Bierman's update of U and D for one sample of n regressors; `gain` becomes P phi, unscaled, and
+ * the result is lambda + phi' P phi, or 0 when that is not finite. Every partial sum alpha is a sum
+ * of lambda and squares, so nothing is divided by less than lambda. */
+static inline axt_real update_factors(axt_real *factor, uint32_t n, axt_real forgetting,
+                                      axt_real prior, const axt_real *phi, axt_real *gain) {
+    axt_real f[AXT_RLS_INPUTS_MAX]; /* U' phi */
+    axt_real v[AXT_RLS_INPUTS_MAX]; /* D U' phi */
+    axt_real total = forgetting;
+    for (uint32_t j = 0; j < n; j++) {
+        f[j] = phi[j];
+        for (uint32_t i = 0; i < j; i++) {
+            f[j] = axt_fma(factor[packed(n, i, j)], phi[i], f[j]);
+        }
+        v[j] = factor[packed(n, j, j)] * f[j];
+        total = axt_fma(v[j], f[j], total);
+    }
+    if (!axt_finite(total)) {
+        return AXT_R(0);
+    }
+
+    const axt_real per_forgetting = AXT_R(1) / forgetting;
+    axt_real alpha = forgetting;
+    axt_real per_alpha = per_forgetting;
+    for (uint32_t j = 0; j < n; j++) {
+        const axt_real slope = -f[j] * per_alpha;
+        const axt_real shrunk = alpha * per_forgetting;
+        alpha = axt_fma(v[j], f[j], alpha);
+        per_alpha = AXT_R(1) / alpha;
+        const axt_real d = factor[packed(n, j, j)] * (shrunk * per_alpha);
+        factor[packed(n, j, j)] = (d < prior) ? d : prior;
+        gain[j] = v[j];
+        for (uint32_t i = 0; i < j; i++) {
+            axt_real *u = &factor[packed(n, i, j)];
+            const axt_real old = *u;
+            *u = axt_fma(gain[i], slope, old);
+            gain[i] = axt_fma(old, v[j], gain[i]);
+        }
+    }
+    return alpha;
+}
+
 /* Eqs. 14-16 for n inputs and m outputs; n and m are constants at each place of call, so that the
  * compiler unrolls the loops. */
 static inline axt_status update(axt_rls *rls, uint32_t n, uint32_t m, const axt_real *phi,
@@ -56,27 +97,12 @@ static inline axt_status update(axt_rls *rls, uint32_t n, uint32_t m, const axt_
     if (status != AXT_OK) {
         return reject(rls, status);
     }
-
-    axt_real Pphi[AXT_RLS_INPUTS_MAX];
-    axt_real spread = AXT_R(0); /* phi' P phi */
-    bool unknown = false;       /* is a direction as uncertain as at the start? */
-    for (uint32_t i = 0; i < n; i++) {
-        axt_real sum = AXT_R(0);
-        for (uint32_t j = 0; j < n; j++) {
-            sum = axt_fma(rls->P[(i < j) ? packed(n, i, j) : packed(n, j, i)], phi[j], sum);
-        }
-        Pphi[i] = sum;
-        spread = axt_fma(sum, phi[i], spread);
-        unknown = unknown || rls->P[packed(n, i, i)] >= rls->prior;
-    }
-    const axt_real forgetting = unknown ? AXT_R(1) : rls->forgetting;
-    const axt_real total = forgetting + spread;
-    if (!(spread >= AXT_R(0)) || !axt_finite(total)) {
+    axt_real gain[AXT_RLS_INPUTS_MAX];
+    const axt_real total = update_factors(rls->factor, n, rls->forgetting, rls->prior, phi, gain);
+    if (!(total > AXT_R(0))) {
         return reject(rls, AXT_ERROR_RANGE);
     }
-
     const axt_real per_total = AXT_R(1) / total;
-    const axt_real per_forgetting = unknown ? AXT_R(1) : AXT_R(1) / rls->forgetting;
     for (uint32_t k = 0; k < m; k++) {
         axt_real innovation = y[k];
         for (uint32_t j = 0; j < n; j++) {
@@ -85,17 +111,10 @@ static inline axt_status update(axt_rls *rls, uint32_t n, uint32_t m, const axt_
         rls->innovation[k] = innovation;
         const axt_real step = innovation * per_total;
         for (uint32_t j = 0; j < n; j++) {
-            rls->theta[k][j] = axt_fma(step, Pphi[j], rls->theta[k][j]);
+            rls->theta[k][j] = axt_fma(step, gain[j], rls->theta[k][j]);
         }
     }
-    for (uint32_t i = 0; i < n; i++) {
-        const axt_real gain = Pphi[i] * per_total;
-        for (uint32_t j = i; j < n; j++) {
-            axt_real *element = &rls->P[packed(n, i, j)];
-            *element = axt_fma(-gain, Pphi[j], *element) * per_forgetting;
-        }
-    }
-    rls->certainty = forgetting * per_total;
+    rls->certainty = rls->forgetting * per_total;
     rls->updates += (rls->updates < UINT32_MAX) ? 1U : 0U;
     return AXT_OK;
 }
@@ -111,11 +130,17 @@ axt_status axt_rls_update(axt_rls *rls, const axt_real *phi, const axt_real *y) 
 }
 
 axt_real axt_rls_covariance(const axt_rls *rls, uint32_t row, uint32_t column) {
-    if (row >= rls->inputs || column >= rls->inputs) {
+    const uint32_t n = rls->inputs;
+    if (row >= n || column >= n) {
         return AXT_R(0);
     }
-    return rls
-        ->P[(row < column) ? packed(rls->inputs, row, column) : packed(rls->inputs, column, row)];
+    axt_real sum = AXT_R(0);
+    for (uint32_t k = (row < column) ? column : row; k < n; k++) {
+        const axt_real left = (k == row) ? AXT_R(1) : rls->factor[packed(n, row, k)];
+        const axt_real right = (k == column) ? AXT_R(1) : rls->factor[packed(n, column, k)];
+        sum = axt_fma(left * right, rls->factor[packed(n, k, k)], sum);
+    }
+    return sum;
 }
 
 bool axt_rls_invariants(const axt_rls *rls) {
@@ -124,12 +149,10 @@ bool axt_rls_invariants(const axt_rls *rls) {
                  rls->outputs <= AXT_RLS_OUTPUTS_MAX && rls->forgetting >= AXT_R(0.9) &&
                  rls->forgetting <= AXT_R(1);
     for (uint32_t i = 0; holds && i < n; i++) {
-        const axt_real Pii = rls->P[packed(n, i, i)];
-        holds = Pii > AXT_R(0) && axt_finite(Pii);
+        const axt_real d = rls->factor[packed(n, i, i)];
+        holds = d > AXT_R(0) && d <= rls->prior;
         for (uint32_t j = i + 1; holds && j < n; j++) {
-            const axt_real Pij = rls->P[packed(n, i, j)];
-            const axt_real limit = Pii * rls->P[packed(n, j, j)];
-            holds = Pij * Pij <= limit * (AXT_R(1) + AXT_R(8) * AXT_EPSILON);
+            holds = axt_finite(rls->factor[packed(n, i, j)]);
         }
         for (uint32_t k = 0; holds && k < rls->outputs; k++) {
             holds = axt_finite(rls->theta[k][i]) && axt_finite(rls->innovation[k]);
