@@ -8,6 +8,7 @@
 #include "axt_excitation.h"
 #include "axt_filter.h"
 #include "axt_ident.h"
+#include "axt_integrator.h"
 #include "axt_plant.h"
 #include "axt_rls.h"
 #include "axt_status.h"
