@@ -2,6 +2,7 @@
 
 #include "axt_encoder.h"
 #include "axt_math.h"
+#include "axt_rows.h"
 
 /* Columns and rows of the full form (5x4); the short form (3x2) has those that carry parameters. */
 enum { Q, R, Q_RATE, R_RATE, TORQUE };
@@ -278,14 +279,8 @@ axt_status axt_ident_counts(axt_ident *ident, int32_t motor, int32_t table, axt_
     return status;
 }
 
-/* The two rows that carry the parameters, in physical units: entries for q, q' and T. */
-typedef struct {
-    axt_real twist[3]; /* of q'' */
-    axt_real body[3];  /* of r'' */
-} rows;
-
 /* A row of theta without its scaling. `column` are the places of q, q' and T. */
-static void read_rows(const axt_ident *ident, const uint32_t column[3], rows *found) {
+static void read_rows(const axt_ident *ident, const uint32_t column[3], axt_rows *found) {
     static const uint32_t quantity[3] = {Q, Q_RATE, TORQUE};
     const uint32_t row = (ident->config.form == AXT_IDENT_5X4) ? (uint32_t)Q_RATE : 0;
     for (uint32_t i = 0; i < 3; i++) {
@@ -319,7 +314,7 @@ static void read_spread(const axt_ident *ident, const uint32_t column[3], spread
 }
 
 /* Standard error of a function of the rows with this gradient (delta method). */
-static axt_real standard_error(const spread *s, const rows *gradient) {
+static axt_real standard_error(const spread *s, const axt_rows *gradient) {
     axt_real variance = AXT_R(0);
     for (uint32_t i = 0; i < 3; i++) {
         for (uint32_t j = 0; j < 3; j++) {
@@ -334,27 +329,14 @@ static axt_real standard_error(const spread *s, const rows *gradient) {
 }
 
 /* sum = a x + b y */
-static void combine(axt_real a, const rows *x, axt_real b, const rows *y, rows *sum) {
+static void combine(axt_real a, const axt_rows *x, axt_real b, const axt_rows *y, axt_rows *sum) {
     for (uint32_t i = 0; i < 3; i++) {
         sum->twist[i] = a * x->twist[i] + b * y->twist[i];
         sum->body[i] = a * x->body[i] + b * y->body[i];
     }
 }
 
-/* Motor and table rows are sums of twist and body rows, since r = theta1 - s q: q'' = - d q' - k q
- * + T / I1 gives I1; the motor's stiffness entry is - K / I1, the table's K / I2. */
-static axt_axis axis_from_rows(const rows *a, axt_real share) {
-    const axt_real motor_q = a->body[0] + share * a->twist[0];
-    const axt_real table_q = a->body[0] - (AXT_R(1) - share) * a->twist[0];
-    axt_axis axis;
-    axis.I1 = AXT_R(1) / a->twist[2];
-    axis.K = -motor_q * axis.I1;
-    axis.I2 = axis.K / table_q;
-    axis.B = -a->twist[1] * (axis.I1 * axis.I2 / (axis.I1 + axis.I2));
-    return axis;
-}
-
-/* The errors of all values, from the gradients of axis_from_rows() and axt_axis_modal(). */
+/* The errors of all values, from the gradients of axt_axis_from_rows() and axt_axis_modal(). */
 static void find_errors(const spread *s, axt_real share, axt_estimate *e) {
     const axt_axis *axis = &e->axis;
     const axt_real inertia = axis->I1 + axis->I2;
@@ -362,25 +344,25 @@ static void find_errors(const spread *s, axt_real share, axt_estimate *e) {
     const axt_real wn = e->modal.wn;
     const axt_real zeta = e->modal.zeta;
 
-    const rows dI1 = {.twist = {0, 0, -axis->I1 * axis->I1}};
-    const rows dK = {.twist = {-axis->I1 * share, 0, -axis->K * axis->I1},
-                     .body = {-axis->I1, 0, 0}};
+    const axt_rows dI1 = {.twist = {0, 0, -axis->I1 * axis->I1}};
+    const axt_rows dK = {.twist = {-axis->I1 * share, 0, -axis->K * axis->I1},
+                         .body = {-axis->I1, 0, 0}};
     const axt_real per_table = axis->I2 * axis->I2 / axis->K;
-    const rows dTable = {.twist = {(AXT_R(1) - share) * per_table, 0, 0},
-                         .body = {-per_table, 0, 0}};
-    rows dI2;
+    const axt_rows dTable = {.twist = {(AXT_R(1) - share) * per_table, 0, 0},
+                             .body = {-per_table, 0, 0}};
+    axt_rows dI2;
     combine(axis->I2 / axis->K, &dK, AXT_R(1), &dTable, &dI2);
-    rows dB;
+    axt_rows dB;
     const axt_real motor_part = axis->I2 / inertia;
     const axt_real table_part = axis->I1 / inertia;
     const axt_real damping = axis->B / reduced;
     combine(damping * motor_part * motor_part, &dI1, damping * table_part * table_part, &dI2, &dB);
     dB.twist[1] -= reduced;
 
-    const rows dwn = {.twist = {AXT_R(-0.5) / wn, 0, 0}};
-    const rows dzeta = {.twist = {AXT_R(0.5) * zeta / (wn * wn), AXT_R(-0.5) / wn, 0}};
+    const axt_rows dwn = {.twist = {AXT_R(-0.5) / wn, 0, 0}};
+    const axt_rows dzeta = {.twist = {AXT_R(0.5) * zeta / (wn * wn), AXT_R(-0.5) / wn, 0}};
     const axt_real root = e->modal.wd / wn; /* sqrt(1 - zeta^2) */
-    rows dwd;
+    axt_rows dwd;
     combine(root, &dwn, (root > AXT_R(0)) ? -wn * zeta / root : AXT_R(0), &dzeta, &dwd);
 
     e->axis_error = (axt_axis){.I1 = standard_error(s, &dI1),
@@ -406,10 +388,10 @@ axt_status axt_ident_result(const axt_ident *ident, axt_estimate *estimate) {
     if (ident->rls.updates < SETTLED_UPDATES || !(ident->weight > AXT_R(SETTLED_UPDATES / 2))) {
         return AXT_ERROR_NO_DATA;
     }
-    rows row;
+    axt_rows row;
     read_rows(ident, column, &row);
-    found.axis = axis_from_rows(&row, ident->motor_share);
-    if (axt_axis_modal(&found.axis, &found.modal) != AXT_OK) {
+    if (axt_axis_from_rows(&row, ident->motor_share, &found.axis) != AXT_OK ||
+        axt_axis_modal(&found.axis, &found.modal) != AXT_OK) {
         return AXT_ERROR_NO_DATA;
     }
     spread s;

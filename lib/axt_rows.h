@@ -1,0 +1,23 @@
+/* axt_rows.h - from the rows that a regression finds to the parameters of the axis. */
+#ifndef AXT_ROWS_H
+#define AXT_ROWS_H
+
+#include "axt_axis.h"
+#include "axt_real.h"
+#include "axt_status.h"
+
+/* What a regression in twist q and rigid-body angle r = theta1 - share q finds: the entries of q,
+ * q' and T in q'' and in r'' [1/s2, 1/s, 1/(kg m2)]. */
+typedef struct {
+    axt_real twist[3];
+    axt_real body[3];
+} axt_rows;
+
+/* The axis with these rows. Motor and table accelerations are sums of the rows, theta1'' = r'' +
+ * share q'' and theta2'' = theta1'' - q'', so any share will do that was used in the regression:
+ * I1 = 1 / (T in q''), K = - I1 (q in theta1''), I2 = K / (q in theta2''), and B from q' in q''.
+ * AXT_ERROR_NO_DATA when that is no axis (out of the ranges of axt_axis.h); `axis` is then
+ * unchanged. Cost: 4 divisions. */
+axt_status axt_axis_from_rows(const axt_rows *rows, axt_real share, axt_axis *axis);
+
+#endif
