@@ -10,7 +10,9 @@
 #include "axt_ident.h"
 #include "axt_integrator.h"
 #include "axt_plant.h"
+#include "axt_regressor.h"
 #include "axt_rls.h"
+#include "axt_rows.h"
 #include "axt_status.h"
 
 #endif
