@@ -108,7 +108,8 @@ axt_status axt_integrator_init(axt_integrator *integrator, axt_method method, co
     if (status != AXT_OK) {
         return status;
     }
-    if ((uint32_t)method > AXT_METHOD_EXACT_HELD) { /* enums are unsigned on Arm, signed elsewhere */
+    if ((uint32_t)method >
+        AXT_METHOD_EXACT_HELD) { /* enums are unsigned on Arm, signed elsewhere */
         return AXT_ERROR_RANGE;
     }
     const axt_real per_reduced = AXT_R(1) / axis->I1 + AXT_R(1) / axis->I2;
