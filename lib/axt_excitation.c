@@ -75,6 +75,111 @@ axt_status axt_schroeder_fill(const axt_schroeder *signal, axt_real *table, uint
     return AXT_OK;
 }
 
+axt_status axt_harmonic_fill(axt_real *table, uint32_t length, uint32_t harmonic) {
+    if (length == 0) {
+        return AXT_ERROR_SIZE;
+    }
+    if (length > LENGTH_MAX || harmonic < 1 || 2 * (uint64_t)harmonic >= length) {
+        return AXT_ERROR_RANGE;
+    }
+    uint32_t step = 0;
+    for (uint32_t n = 0; n < length; n++) {
+        table[n] = axt_cos(AXT_TWO_PI * ((axt_real)step / (axt_real)length));
+        step = (step + harmonic) % length;
+    }
+    return AXT_OK;
+}
+
+axt_status axt_impulse_fill(axt_real *table, uint32_t length) {
+    if (length == 0) {
+        return AXT_ERROR_SIZE;
+    }
+    for (uint32_t n = 0; n < length; n++) {
+        table[n] = (n == 0) ? AXT_R(1) : AXT_R(0);
+    }
+    return AXT_OK;
+}
+
+axt_status axt_noise_fill(axt_real *table, uint32_t length, uint32_t seed) {
+    if (length == 0) {
+        return AXT_ERROR_SIZE;
+    }
+    enum { UNIFORMS = 12 }; /* each has variance 1/12 */
+    for (uint32_t n = 0; n < length; n++) {
+        axt_real sum = AXT_R(0);
+        for (uint32_t i = 0; i < UNIFORMS; i++) {
+            sum += random_turns(seed, UNIFORMS * n + i) - AXT_R(0.5);
+        }
+        table[n] = sum;
+    }
+    return AXT_OK;
+}
+
+/* Feedback taps (bit masks) of shift registers with 3 to 20 stages that run through all 2^n - 1
+ * states: primitive polynomials, as tabulated for instance by P. H. Bardell et al., Built-In Test
+ * for VLSI. */
+static const uint32_t binary_taps[] = {0x6,    0xC,    0x14,    0x30,    0x60,    0xB8,
+                                       0x110,  0x240,  0x500,   0xE08,   0x1C80,  0x3802,
+                                       0x6000, 0xD008, 0x12000, 0x20400, 0x72000, 0x90000};
+enum { STAGES_MIN = 3, STAGES_MAX = 20 };
+
+axt_status axt_binary_fill(axt_real *table, uint32_t length, uint32_t stages, uint32_t hold) {
+    if (stages < STAGES_MIN || stages > STAGES_MAX || hold < 1) {
+        return AXT_ERROR_RANGE;
+    }
+    const uint32_t bits = (UINT32_C(1) << stages) - 1;
+    if (length != (uint64_t)bits * hold) {
+        return AXT_ERROR_SIZE;
+    }
+    const uint32_t taps = binary_taps[stages - STAGES_MIN];
+    uint32_t state = 1;
+    for (uint32_t bit = 0; bit < bits; bit++) {
+        for (uint32_t i = 0; i < hold; i++) {
+            table[bit * hold + i] = ((state & 1U) != 0) ? AXT_R(1) : AXT_R(-1);
+        }
+        /* Galois form: shift out, and where a one leaves, turn the tapped bits over */
+        state = (state >> 1) ^ (((state & 1U) != 0) ? taps : 0U);
+    }
+    return AXT_OK;
+}
+
+axt_status axt_chirp_fill(axt_real *table, uint32_t length, uint32_t first, uint32_t last) {
+    if (length == 0) {
+        return AXT_ERROR_SIZE;
+    }
+    if (length > LENGTH_MAX || first < 1 || last <= first || 2 * (uint64_t)last >= length) {
+        return AXT_ERROR_RANGE;
+    }
+    /* phase = first s + (last - first) s^2 / 2 turns at s = n / length; it ends on a whole number
+     * of half turns, so a sweep of odd length gets one more half turn to close */
+    const uint64_t N = length;
+    const uint64_t sweep = (last - first) + ((last - first) & 1U);
+    const uint64_t modulus = 2 * N * N; /* one turn, in units of 1 / (2 N^2) */
+    for (uint64_t n = 0; n < N; n++) {
+        const uint64_t phase = (2 * N * first * n + sweep * n * n) % modulus;
+        table[n] = axt_cos(AXT_TWO_PI * ((axt_real)phase / (axt_real)modulus));
+    }
+    return AXT_OK;
+}
+
+axt_status axt_table_scale_to_rms(axt_real *table, uint32_t length, axt_real rms) {
+    if (!(rms >= AXT_R(0)) || !axt_finite(rms)) {
+        return AXT_ERROR_RANGE;
+    }
+    axt_real sum = AXT_R(0);
+    for (uint32_t n = 0; n < length; n++) {
+        sum = axt_fma(table[n], table[n], sum);
+    }
+    if (!(sum > AXT_R(0)) || !axt_finite(sum)) {
+        return AXT_ERROR_NO_DATA;
+    }
+    const axt_real factor = rms / axt_sqrt(sum / (axt_real)length);
+    for (uint32_t n = 0; n < length; n++) {
+        table[n] *= factor;
+    }
+    return AXT_OK;
+}
+
 axt_status axt_table_scale_to_peak(axt_real *table, uint32_t length, axt_real peak) {
     if (!(peak >= AXT_R(0)) || !axt_finite(peak)) {
         return AXT_ERROR_RANGE;

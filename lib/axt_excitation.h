@@ -36,6 +36,31 @@ axt_status axt_schroeder_add_line(const axt_schroeder *signal, uint32_t index, a
  * entries: AXT_ERROR_SIZE when the period does not fit. Cost: length x lines cosines. */
 axt_status axt_schroeder_fill(const axt_schroeder *signal, axt_real *table, uint32_t size);
 
+/* The other signals that the paper names as future work; each fills table[0 .. length - 1] with one
+ * period of size 1 (largest magnitude, or rms for the noise), to be scaled with
+ * axt_table_scale_to_rms() or _to_peak(). AXT_ERROR_SIZE for a length of 0 (and as said),
+ * AXT_ERROR_RANGE for the rest; the table is then unchanged. */
+
+/* `harmonic` (1 .. (length - 1) / 2) cosine periods. */
+axt_status axt_harmonic_fill(axt_real *table, uint32_t length, uint32_t harmonic);
+
+/* One sample of 1, the rest 0. */
+axt_status axt_impulse_fill(axt_real *table, uint32_t length);
+
+/* Gaussian white noise from `seed`: sums of twelve uniform numbers, so nothing beyond 6 sigma. */
+axt_status axt_noise_fill(axt_real *table, uint32_t length, uint32_t seed);
+
+/* Maximum-length binary sequence of a shift register with 3 .. 20 stages: +-1, flat spectrum.
+ * AXT_ERROR_SIZE unless length is 2^stages - 1, times `hold` samples a bit (1 or more). */
+axt_status axt_binary_fill(axt_real *table, uint32_t length, uint32_t stages, uint32_t hold);
+
+/* A sweep from harmonic `first` to `last` (1 <= first < last < length / 2) in one period, frequency
+ * growing linearly; it joins itself without a jump. */
+axt_status axt_chirp_fill(axt_real *table, uint32_t length, uint32_t first, uint32_t last);
+
+/* Scales the table to this rms. Fails as axt_table_scale_to_peak(). */
+axt_status axt_table_scale_to_rms(axt_real *table, uint32_t length, axt_real rms);
+
 /* Scales table[0 .. length - 1] so that its largest magnitude is `peak`. AXT_ERROR_NO_DATA and
  * unchanged when the table is all zero, AXT_ERROR_RANGE when peak is negative or not finite. */
 axt_status axt_table_scale_to_peak(axt_real *table, uint32_t length, axt_real peak);
