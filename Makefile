@@ -1,0 +1,215 @@
+# AxisTwin. `make help` lists the verbs; each sets up what it needs (Debian packages, .venv) first.
+
+BUILD   := build
+VENV    := .venv
+PYTHON  ?= python3
+GCC     ?= gcc
+CLANG   ?= clang
+PREFIX  ?= /usr/local
+DESTDIR ?=
+VERSION  = $(shell sed -n 's/^version = "\(.*\)"/\1/p' host/pyproject.toml)
+
+# Measured records of real axes; tests that need them say so when they are not there.
+export AXISTWIN_DATA ?= $(abspath ../shared/data)
+
+ifndef V # make V=1 shows the commands
+.SILENT:
+endif
+.DELETE_ON_ERROR:
+.SECONDARY:
+.PHONY: help demo test check size docs install clean
+
+help: ## this list
+	sed -n 's/^\([a-z]*\):[^#]*## /\1 \t/p' Makefile | expand -t 10
+
+# ---- Set-up: once, and again when what it depends on changes ------------------------------------
+
+PACKAGES_build := gcc libc6-dev python3-venv python3-dev iproute2
+PACKAGES_check := clang clang-format clang-tidy cppcheck shellcheck pkg-config
+PACKAGES_size  := gcc-arm-none-eabi gcc-riscv64-unknown-elf
+
+$(BUILD)/packages-%: Makefile tests/tools/debian-packages
+	mkdir -p $(@D)
+	tests/tools/debian-packages install $(PACKAGES_$*)
+	touch $@
+
+PIP          := PYTHON=$(PYTHON) tests/tools/python-packages
+CORE_SOURCES := $(wildcard lib/*.[ch])
+HOST_SOURCES := $(shell find host -type f -not -path '*/__pycache__/*' -not -path '*.egg-info/*' \
+                        -not -path 'host/build/*' 2>/dev/null)
+
+$(VENV)/.build-tools: tests/tools/constraints.txt tests/tools/python-packages | $(BUILD)/packages-build
+	$(PIP) setuptools wheel cffi cantools
+	touch $@
+
+# The package is compiled from lib/ and carries the wire contract.
+$(VENV)/.host: $(HOST_SOURCES) $(CORE_SOURCES) drivers/contract/axistwin.dbc $(VENV)/.build-tools
+	$(PIP) --no-build-isolation ./host
+	rm -rf host/build
+	touch $@
+
+$(VENV)/.host-test: host/pyproject.toml tests/tools/constraints.txt | $(VENV)/.host
+	$(PIP) --no-build-isolation './host[test]'
+	rm -rf host/build
+	touch $@
+
+# ---- C: the same sources as several variants, each in a folder of its own -----------------------
+
+WARNINGS     := -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Werror
+CFLAGS       ?= -O2 -g
+C_FLAGS      := -std=c11 -ffp-contract=off $(CFLAGS) -MMD -MP
+CORE_FLAGS   := $(C_FLAGS) $(WARNINGS) -ffreestanding -Ilib
+CONTRACT     := $(BUILD)/contract
+DRIVER_FLAGS := $(C_FLAGS) $(WARNINGS) -Ilib -Idrivers/can -Idrivers/node -I$(CONTRACT)
+
+CORE     := $(basename $(wildcard lib/*.c))
+PORTABLE := $(basename $(wildcard drivers/node/*.c))
+LINUX    := $(basename $(wildcard drivers/can/*.c drivers/emulator/*.c))
+MAIN     := drivers/emulator/main
+UNITS    := $(basename $(notdir $(wildcard tests/unit/test_*.c)))
+
+$(CONTRACT)/axt_contract.c $(CONTRACT)/axt_contract.h &: drivers/contract/axistwin.dbc \
+		drivers/contract/generate.py | $(VENV)/.build-tools
+	$(VENV)/bin/python drivers/contract/generate.py --code $(CONTRACT)
+
+# $(call variant,NAME,COMPILER,FLAGS)
+define variant
+$(BUILD)/$1/lib/%.o: lib/%.c Makefile | $(BUILD)/packages-build
+	mkdir -p $$(@D)
+	$(2) $$(CORE_FLAGS) $3 -c $$< -o $$@
+
+$(BUILD)/$1/drivers/node/%.o: drivers/node/%.c Makefile | $(CONTRACT)/axt_contract.h
+	mkdir -p $$(@D)
+	$(2) $$(DRIVER_FLAGS) -ffreestanding $3 -c $$< -o $$@
+
+$(BUILD)/$1/drivers/%.o: drivers/%.c Makefile | $(CONTRACT)/axt_contract.h
+	mkdir -p $$(@D)
+	$(2) $$(DRIVER_FLAGS) -D_GNU_SOURCE $3 -c $$< -o $$@
+
+$(BUILD)/$1/contract/%.o: $(CONTRACT)/%.c Makefile
+	mkdir -p $$(@D)
+	$(2) $$(C_FLAGS) $3 -c $$< -o $$@
+
+$(BUILD)/$1/libaxistwin.a: $(CORE:%=$(BUILD)/$1/%.o)
+$(BUILD)/$1/libdrivers.a: $(patsubst %,$(BUILD)/$1/%.o,$(filter-out $(MAIN),$(PORTABLE) $(LINUX)) \
+	contract/axt_contract)
+
+$(BUILD)/$1/axistwin-emulator: $(BUILD)/$1/$(MAIN).o $(BUILD)/$1/libdrivers.a $(BUILD)/$1/libaxistwin.a
+	$(2) $3 $$^ -lm -o $$@
+
+$(BUILD)/$1/unit/%: tests/unit/%.c $(BUILD)/$1/libdrivers.a $(BUILD)/$1/libaxistwin.a
+	mkdir -p $$(@D)
+	$(2) $$(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE $3 $$(filter-out %.h,$$^) -lm -o $$@
+
+unit-$1: $(UNITS:%=$(BUILD)/$1/unit/%)
+	status=$$(if $$^,0,1); for program in $$^; do $$$$program || status=1; done; exit $$$$status
+
+-include $(wildcard $(BUILD)/$1/*/*.d $(BUILD)/$1/*/*/*.d)
+endef
+
+SANITIZE := -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
+REALS    := float double
+VARIANTS := $(foreach tool,gcc clang sanitized,$(REALS:%=$(tool)-%))
+
+$(foreach real,$(REALS),\
+    $(eval $(call variant,gcc-$(real),$(GCC),-DAXT_REAL=$(real)))\
+    $(eval $(call variant,clang-$(real),$(CLANG),-DAXT_REAL=$(real)))\
+    $(eval $(call variant,sanitized-$(real),$(GCC),-DAXT_REAL=$(real) $(SANITIZE))))
+
+%.a:
+	rm -f $@
+	ar rcs $@ $^
+
+EMULATORS := $(BUILD)/axistwin-emulator $(BUILD)/sanitized/axistwin-emulator
+
+$(BUILD)/axistwin-emulator: $(BUILD)/gcc-float/axistwin-emulator
+	cp $< $@
+
+$(BUILD)/sanitized/axistwin-emulator: $(BUILD)/sanitized-float/axistwin-emulator
+	mkdir -p $(@D)
+	cp $< $@
+
+# ---- Suites: each a target of its own; tests/tools/suites.py runs them and counts ----------------
+
+RESULTS := $(BUILD)/results
+PYTEST  := $(VENV)/bin/python -m pytest -c host/pyproject.toml --rootdir=. -o cache_dir=$(BUILD)/pytest
+C_FILES := $(wildcard lib/*.[ch] drivers/*/*.[ch] tests/unit/*.[ch])
+PY_CODE := host drivers tests
+SCRIPTS := $(filter-out %.py %.txt,$(wildcard tests/tools/*)) .ci/run
+QUICK   := $(addprefix unit-,gcc-float gcc-double) host-tests \
+           $(addprefix lint-,ruff ruff-format mypy clang-format clang-tidy cppcheck shellcheck) wire-page
+ALL     := $(QUICK) $(filter-out $(QUICK),$(VARIANTS:%=unit-%)) size installed hil
+
+.PHONY: $(ALL)
+
+host-tests: $(VENV)/.host-test $(EMULATORS)
+	$(PYTEST) -qq --junitxml=$(RESULTS)/$@.xml tests/host
+
+hil: $(VENV)/.host-test $(EMULATORS)
+	tests/tools/with-vcan $(PYTEST) -qq --junitxml=$(RESULTS)/$@.xml tests/hil
+
+lint-ruff: $(VENV)/.host-test
+	$(VENV)/bin/ruff check --quiet --config host/pyproject.toml $(PY_CODE)
+
+lint-ruff-format: $(VENV)/.host-test
+	$(VENV)/bin/ruff format --check --config host/pyproject.toml $(PY_CODE)
+
+lint-mypy: $(VENV)/.host-test
+	$(VENV)/bin/mypy --config-file host/pyproject.toml $(PY_CODE)
+
+lint-clang-format: $(BUILD)/packages-check
+	clang-format --dry-run -Werror $(C_FILES)
+
+lint-clang-tidy: $(BUILD)/packages-check $(CONTRACT)/axt_contract.h
+	clang-tidy --quiet $(filter %.c,$(C_FILES)) -- $(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE
+
+lint-cppcheck: $(BUILD)/packages-check
+	cppcheck --quiet --std=c11 --error-exitcode=1 --inline-suppr --suppress=missingIncludeSystem \
+	    --enable=warning,style,performance,portability -Ilib -Idrivers/can -Idrivers/node lib drivers
+
+lint-shellcheck: $(BUILD)/packages-check
+	shellcheck $(SCRIPTS)
+
+wire-page: $(VENV)/.build-tools
+	$(VENV)/bin/python drivers/contract/generate.py --check docs/wire.md
+
+installed: $(BUILD)/packages-check
+	$(MAKE) install DESTDIR= PREFIX=$(abspath $(BUILD)/installed)
+	tests/tools/check-installed $(abspath $(BUILD)/installed)
+
+# ---- Verbs ---------------------------------------------------------------------------------------
+
+demo: $(VENV)/.host $(BUILD)/axistwin-emulator ## identify an emulated axis over CAN, from nothing to a table and plots
+	$(VENV)/bin/axistwin demo --output $(BUILD)/demo
+
+check: $(VENV)/.host-test ## the quick part of the tests: unit and host tests, linters
+	$(VENV)/bin/python tests/tools/suites.py $(QUICK)
+
+test: $(VENV)/.host-test ## everything: all variants, cross compilation, hardware in the loop on a real vcan
+	$(VENV)/bin/python tests/tools/suites.py --show hil $(ALL)
+
+size: $(BUILD)/packages-size $(BUILD)/packages-build ## text, data, stack and state by target (build/size.json)
+	CORE_FLAGS="$(CORE_FLAGS)" $(PYTHON) tests/tools/size.py $(BUILD)/size.json
+
+docs: $(VENV)/.build-tools ## the pages that are made from sources
+	$(VENV)/bin/python drivers/contract/generate.py --page docs/wire.md
+
+INSTALLED      := $(DESTDIR)$(PREFIX)
+PUBLIC_HEADERS := $(shell grep --files-without-match 'Private to lib/' lib/*.h)
+
+# $(call install-library,NAME,REAL)
+define install-library
+	install -m 644 $(BUILD)/gcc-$2/libaxistwin.a $(INSTALLED)/lib/lib$1.a
+	sed 's|@PREFIX@|$(PREFIX)|; s|@NAME@|$1|; s|@REAL@|$2|; s|@VERSION@|$(VERSION)|' \
+	    lib/axistwin.pc.in >$(INSTALLED)/lib/pkgconfig/$1.pc
+endef
+
+install: $(REALS:%=$(BUILD)/gcc-%/libaxistwin.a) $(BUILD)/axistwin-emulator ## library, headers, pkg-config files, emulator; PREFIX= DESTDIR=
+	install -d $(INSTALLED)/bin $(INSTALLED)/include/axistwin $(INSTALLED)/lib/pkgconfig
+	install -m 755 $(BUILD)/axistwin-emulator $(INSTALLED)/bin
+	install -m 644 $(PUBLIC_HEADERS) $(INSTALLED)/include/axistwin
+	$(call install-library,axistwin,float)
+	$(call install-library,axistwin-double,double)
+
+clean: ## remove what was built (not .venv)
+	rm -rf $(BUILD)
