@@ -2,6 +2,11 @@
 
 #include "axt_math.h"
 
+/* A sample is refused when phi' P phi or the sum of the innovations' magnitudes is larger: far
+ * beyond anything scaled to 1, and small enough that no product in the update overflows. */
+#define SPREAD_MAX   1e18
+#define SURPRISE_MAX 1e12
+
 /* Place of element (i, j), i <= j, of the upper triangle of an n x n matrix stored by rows. */
 static inline uint32_t packed(uint32_t n, uint32_t i, uint32_t j) {
     return i * n - i * (i + 1) / 2 + j;
@@ -33,50 +38,71 @@ void axt_rls_reset(axt_rls *rls) {
     *rls = fresh;
 }
 
-static axt_status check_sample(const axt_real *values, uint32_t count) {
-    for (uint32_t i = 0; i < count; i++) {
-        if (!(axt_abs(values[i]) <= AXT_R(AXT_RLS_SAMPLE_MAX))) {
-            return axt_finite(values[i]) ? AXT_ERROR_RANGE : AXT_ERROR_NOT_FINITE;
-        }
-    }
-    return AXT_OK;
-}
-
 static axt_status reject(axt_rls *rls, axt_status why) {
     rls->rejected += (rls->rejected < UINT32_MAX) ? 1U : 0U;
     return why;
 }
 
-/* Bierman's update of U and D for one sample of n regressors; `gain` becomes P phi, unscaled, and
- * the result is lambda + phi' P phi, or 0 when that is not finite. Every partial sum alpha is a sum
- * of lambda and squares, so nothing is divided by less than lambda. */
-static inline axt_real update_factors(axt_real *factor, uint32_t n, axt_real forgetting,
-                                      axt_real prior, const axt_real *phi, axt_real *gain) {
+/* How much of the information phi phi' of a sample is added to what is known. Directional
+ * forgetting (R. Kulhavy, Automatica 23 (1987) 589-600) lets the information along P phi settle
+ * where spread = phi' P phi is lost / (1 - lost), and adds 1 - lost - lost / spread of the
+ * sample's: all of it without forgetting, none when settled, and less than none while more is known
+ * than is to be kept. The floor of -1 is ours: a sample takes away no more than it brings, so that
+ * the noise of an axis at rest, tiny samples in random directions, does not wear away what motion
+ * has taught. */
+static axt_real information_gain(axt_real lost, axt_real spread) {
+    if (!(lost > AXT_R(0))) {
+        return AXT_R(1);
+    }
+    const axt_real kept = AXT_R(1) - lost;
+    return (lost < (AXT_R(1) + kept) * spread) ? kept - lost / spread : AXT_R(-1);
+}
+
+/* Eqs. 14-16 for n inputs and m outputs; n and m are constants at each place of call, so that the
+ * compiler unrolls the loops. Nothing is written before the sample has been found good. */
+static inline axt_status update(axt_rls *rls, uint32_t n, uint32_t m, const axt_real *phi,
+                                const axt_real *y) {
+    axt_real *factor = rls->factor;
     axt_real f[AXT_RLS_INPUTS_MAX]; /* U' phi */
     axt_real v[AXT_RLS_INPUTS_MAX]; /* D U' phi */
-    axt_real total = forgetting;
+    axt_real spread = AXT_R(0);     /* phi' P phi */
     for (uint32_t j = 0; j < n; j++) {
         f[j] = phi[j];
         for (uint32_t i = 0; i < j; i++) {
             f[j] = axt_fma(factor[packed(n, i, j)], phi[i], f[j]);
         }
         v[j] = factor[packed(n, j, j)] * f[j];
-        total = axt_fma(v[j], f[j], total);
+        spread = axt_fma(v[j], f[j], spread);
     }
-    if (!axt_finite(total)) {
-        return AXT_R(0);
+    axt_real innovation[AXT_RLS_OUTPUTS_MAX];
+    axt_real surprise = AXT_R(0);
+    for (uint32_t k = 0; k < m; k++) {
+        innovation[k] = y[k];
+        for (uint32_t j = 0; j < n; j++) {
+            innovation[k] = axt_fma(-phi[j], rls->theta[k][j], innovation[k]);
+        }
+        surprise += axt_abs(innovation[k]);
+    }
+    if (!(spread <= AXT_R(SPREAD_MAX)) || !(surprise <= AXT_R(SURPRISE_MAX))) {
+        const bool finite = axt_finite(spread) && axt_finite(surprise);
+        return reject(rls, finite ? AXT_ERROR_RANGE : AXT_ERROR_NOT_FINITE);
     }
 
-    const axt_real per_forgetting = AXT_R(1) / forgetting;
-    axt_real alpha = forgetting;
-    axt_real per_alpha = per_forgetting;
+    /* Bierman's update of the factors. alpha runs from 1 to 1 + gained spread, which is not below
+     * 1 - lost. The n regressors share what exponential forgetting would lose in one step. */
+    const axt_real lost = (axt_real)n * (AXT_R(1) - rls->forgetting);
+    const axt_real gained = information_gain(lost, spread);
+    axt_real gain[AXT_RLS_INPUTS_MAX]; /* P phi, summed up column by column */
+    axt_real alpha = AXT_R(1);
+    axt_real per_alpha = AXT_R(1);
     for (uint32_t j = 0; j < n; j++) {
-        const axt_real slope = -f[j] * per_alpha;
-        const axt_real shrunk = alpha * per_forgetting;
-        alpha = axt_fma(v[j], f[j], alpha);
+        const axt_real gained_f = gained * f[j];
+        const axt_real slope = -gained_f * per_alpha;
+        const axt_real before = alpha;
+        alpha = axt_fma(gained_f, v[j], alpha);
         per_alpha = AXT_R(1) / alpha;
-        const axt_real d = factor[packed(n, j, j)] * (shrunk * per_alpha);
-        factor[packed(n, j, j)] = (d < prior) ? d : prior;
+        const axt_real d = factor[packed(n, j, j)] * (before * per_alpha);
+        factor[packed(n, j, j)] = (d < rls->prior) ? d : rls->prior;
         gain[j] = v[j];
         for (uint32_t i = 0; i < j; i++) {
             axt_real *u = &factor[packed(n, i, j)];
@@ -85,36 +111,15 @@ static inline axt_real update_factors(axt_real *factor, uint32_t n, axt_real for
             gain[i] = axt_fma(old, v[j], gain[i]);
         }
     }
-    return alpha;
-}
-
-/* Eqs. 14-16 for n inputs and m outputs; n and m are constants at each place of call, so that the
- * compiler unrolls the loops. */
-static inline axt_status update(axt_rls *rls, uint32_t n, uint32_t m, const axt_real *phi,
-                                const axt_real *y) {
-    axt_status status = check_sample(phi, n);
-    status = (status == AXT_OK) ? check_sample(y, m) : status;
-    if (status != AXT_OK) {
-        return reject(rls, status);
-    }
-    axt_real gain[AXT_RLS_INPUTS_MAX];
-    const axt_real total = update_factors(rls->factor, n, rls->forgetting, rls->prior, phi, gain);
-    if (!(total > AXT_R(0))) {
-        return reject(rls, AXT_ERROR_RANGE);
-    }
-    const axt_real per_total = AXT_R(1) / total;
+    const axt_real certainty = AXT_R(1) / (AXT_R(1) + spread);
     for (uint32_t k = 0; k < m; k++) {
-        axt_real innovation = y[k];
-        for (uint32_t j = 0; j < n; j++) {
-            innovation = axt_fma(-phi[j], rls->theta[k][j], innovation);
-        }
-        rls->innovation[k] = innovation;
-        const axt_real step = innovation * per_total;
+        const axt_real step = innovation[k] * certainty;
         for (uint32_t j = 0; j < n; j++) {
             rls->theta[k][j] = axt_fma(step, gain[j], rls->theta[k][j]);
         }
+        rls->innovation[k] = innovation[k];
     }
-    rls->certainty = rls->forgetting * per_total;
+    rls->certainty = certainty;
     rls->updates += (rls->updates < UINT32_MAX) ? 1U : 0U;
     return AXT_OK;
 }

@@ -1,9 +1,10 @@
-/* axt_rls.h - recursive least squares (Eqs. 14-16) with exponential forgetting, for several outputs
- * on the same regressors.
+/* axt_rls.h - recursive least squares (Eqs. 14-16) for several outputs on the same regressors, with
+ * directional forgetting.
  *
  *     e = y - phi' theta                           innovation, one for each output
- *     g = P phi / (lambda + phi' P phi)
- *     theta <- theta + g e,   P <- (P - g phi' P) / lambda
+ *     r = phi' P phi,  g = P phi / (1 + r)
+ *     theta <- theta + g e
+ *     P^-1  <- P^-1 + b phi phi'                   b = 1: Eq. 16
  *
  * P does not depend on the outputs, so four outputs cost little more than one. It is kept as its
  * factors P = U D U', U unit upper triangular and D diagonal (G. J. Bierman, Factorization Methods
@@ -11,8 +12,14 @@
  * positive definite. A plain update of P does not: from a large prior, with regressors that are
  * nearly collinear at first, it turns indefinite within a few samples in float and in double.
  *
- * An element of D never grows beyond its start. Without excitation, forgetting then ends at
- * "nothing is known", and not at infinity.
+ * Exponential forgetting divides P by lambda at every step, and at standstill P grows without
+ * bound. Directional forgetting (R. Kulhavy, Automatica 23 (1987) 589-600) forgets only along the
+ * direction in which the sample brings something new:
+ *
+ *     b = 1 - l - l / r,   l = n (1 - lambda),     but never below -1
+ *
+ * In steady excitation r settles at l / (1 - l), where exponential forgetting with the same lambda
+ * has it. What no sample renews is not forgotten. And an element of D never grows beyond its start.
  */
 #ifndef AXT_RLS_H
 #define AXT_RLS_H
@@ -22,16 +29,13 @@
 
 enum { AXT_RLS_INPUTS_MAX = 5, AXT_RLS_OUTPUTS_MAX = 4, AXT_RLS_FACTORS_MAX = 15 };
 
-/* Largest magnitude of a regressor or output that an update accepts; they are to be scaled to 1. */
-#define AXT_RLS_SAMPLE_MAX 1e6
-
 typedef struct {
     axt_real theta[AXT_RLS_OUTPUTS_MAX][AXT_RLS_INPUTS_MAX]; /* theta[output][input] */
     axt_real
         factor[AXT_RLS_FACTORS_MAX]; /* upper triangle by rows: D on the diagonal, U above it */
     axt_real innovation[AXT_RLS_OUTPUTS_MAX]; /* of the last update */
-    axt_real certainty; /* lambda / (lambda + phi' P phi) of the last update: innovation x certainty
-                           is the residual that is left after it */
+    axt_real certainty;  /* 1 / (1 + phi' P phi) of the last update: innovation x certainty
+                            is the residual that is left after it */
     axt_real forgetting; /* lambda */
     axt_real prior;      /* D at the start: P starts as prior x I */
     uint32_t inputs;
@@ -48,10 +52,9 @@ axt_status axt_rls_init(axt_rls *rls, uint32_t inputs, uint32_t outputs, axt_rea
 /* Forgets everything but the settings and the counter of refused samples. */
 void axt_rls_reset(axt_rls *rls);
 
-/* One sample: phi[inputs], y[outputs], scaled to about 1. Cost for 5 x 4: 94 multiply-adds and 5
- * divisions; for 3 x 2: 38 and 3. AXT_ERROR_NOT_FINITE or AXT_ERROR_RANGE (an element beyond
- * AXT_RLS_SAMPLE_MAX, or factors so far apart that the update would not be finite): counted in
- * `rejected`, nothing else changes. */
+/* One sample: phi[inputs], y[outputs], scaled to about 1. Cost for 5 x 4: 104 multiply-adds and 7
+ * divisions; for 3 x 2: 38 and 5. AXT_ERROR_NOT_FINITE, or AXT_ERROR_RANGE when phi' P phi exceeds
+ * 1e18 or the innovations 1e12: counted in `rejected`, nothing else changes. */
 axt_status axt_rls_update(axt_rls *rls, const axt_real *phi, const axt_real *y);
 
 /* Element (row, column) of P = U D U'; 0 for indices out of range. */
