@@ -39,7 +39,7 @@ HOST_SOURCES := $(shell find host -type f -not -path '*/__pycache__/*' -not -pat
                         -not -path 'host/build/*' 2>/dev/null)
 
 $(VENV)/.build-tools: tests/tools/constraints.txt tests/tools/python-packages | $(BUILD)/packages-build
-	$(PIP) setuptools wheel cffi cantools
+	$(PIP) setuptools cffi cantools
 	touch $@
 
 # The package is compiled from lib/ and carries the wire contract.
@@ -76,30 +76,30 @@ $(CONTRACT)/axt_contract.c $(CONTRACT)/axt_contract.h &: drivers/contract/axistw
 define variant
 $(BUILD)/$1/lib/%.o: lib/%.c Makefile | $(BUILD)/packages-build
 	mkdir -p $$(@D)
-	$(2) $$(CORE_FLAGS) $3 -c $$< -o $$@
+	$2 $$(CORE_FLAGS) $3 -c $$< -o $$@
 
 $(BUILD)/$1/drivers/node/%.o: drivers/node/%.c Makefile | $(CONTRACT)/axt_contract.h
 	mkdir -p $$(@D)
-	$(2) $$(DRIVER_FLAGS) -ffreestanding $3 -c $$< -o $$@
+	$2 $$(DRIVER_FLAGS) -ffreestanding $3 -c $$< -o $$@
 
 $(BUILD)/$1/drivers/%.o: drivers/%.c Makefile | $(CONTRACT)/axt_contract.h
 	mkdir -p $$(@D)
-	$(2) $$(DRIVER_FLAGS) -D_GNU_SOURCE $3 -c $$< -o $$@
+	$2 $$(DRIVER_FLAGS) -D_GNU_SOURCE $3 -c $$< -o $$@
 
 $(BUILD)/$1/contract/%.o: $(CONTRACT)/%.c Makefile
 	mkdir -p $$(@D)
-	$(2) $$(C_FLAGS) $3 -c $$< -o $$@
+	$2 $$(C_FLAGS) $3 -c $$< -o $$@
 
 $(BUILD)/$1/libaxistwin.a: $(CORE:%=$(BUILD)/$1/%.o)
 $(BUILD)/$1/libdrivers.a: $(patsubst %,$(BUILD)/$1/%.o,$(filter-out $(MAIN),$(PORTABLE) $(LINUX)) \
 	contract/axt_contract)
 
 $(BUILD)/$1/axistwin-emulator: $(BUILD)/$1/$(MAIN).o $(BUILD)/$1/libdrivers.a $(BUILD)/$1/libaxistwin.a
-	$(2) $3 $$^ -lm -o $$@
+	$2 $3 $$^ -lm -o $$@
 
 $(BUILD)/$1/unit/%: tests/unit/%.c $(BUILD)/$1/libdrivers.a $(BUILD)/$1/libaxistwin.a
 	mkdir -p $$(@D)
-	$(2) $$(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE $3 $$(filter-out %.h,$$^) -lm -o $$@
+	$2 $$(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE $3 $$(filter-out %.h,$$^) -lm -o $$@
 
 unit-$1: $(UNITS:%=$(BUILD)/$1/unit/%)
 	status=$$(if $$^,0,1); for program in $$^; do $$$$program || status=1; done; exit $$$$status
