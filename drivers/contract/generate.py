@@ -24,8 +24,8 @@ PREFIX = "axt_contract"
 INTRODUCTION = """\
 # The wire
 
-This page is made of `drivers/contract/axistwin.dbc` by `drivers/contract/generate.py --page`;
-change the contract, not the page. Any CAN tool that reads DBC files can decode the bus with that file: load it and set the node
+This page is made of `drivers/contract/axistwin.dbc` by `make docs`; change the contract, not the
+page. Any CAN tool that reads DBC files can decode the bus with that file: load it and set the node
 id, or use node id 0's identifiers plus the node id as below.
 
 Contract version {version}. Report page 0 says which version a node speaks; a host that finds
@@ -232,9 +232,7 @@ def main() -> int:
     if arguments.check is not None:
         found = arguments.check
         if not found.exists() or found.read_text(encoding="utf-8") != page(database):
-            print(
-                f"{found} is not what {CONTRACT.name} says; remake it with --page", file=sys.stderr
-            )
+            print(f"{found} is not what {CONTRACT.name} says; run: make docs", file=sys.stderr)
             return 1
     return 0
 

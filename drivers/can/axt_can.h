@@ -1,0 +1,56 @@
+/* axt_can.h - a classical CAN bus behind one small interface.
+ *
+ * Whatever carries the frames (SocketCAN, SLCAN on a pseudo-terminal, TCP or UART, a controller's
+ * mailboxes), a user sees three functions, none of which ever waits.
+ */
+#ifndef AXT_CAN_H
+#define AXT_CAN_H
+
+#include <stdint.h>
+
+#define AXT_CAN_EXTENDED UINT32_C(0x80000000) /* in an id: 29 bits instead of 11 */
+#define AXT_CAN_REMOTE   UINT32_C(0x40000000) /* in an id: a request, without data */
+
+enum { AXT_CAN_DATA_MAX = 8 };
+
+typedef struct {
+    uint32_t id; /* 11 bits, or 29 bits and AXT_CAN_EXTENDED; AXT_CAN_REMOTE */
+    uint8_t length;
+    uint8_t data[AXT_CAN_DATA_MAX];
+} axt_can_frame;
+
+/* Zero is fine, negative is not. */
+typedef enum {
+    AXT_CAN_OK = 0,
+    AXT_CAN_WOULD_BLOCK = -1,        /* nothing received yet, or no room to send: try again later */
+    AXT_CAN_CLOSED = -2,             /* nobody is at the other end: a frame to send is dropped */
+    AXT_CAN_ERROR_FRAME = -3,        /* not a classical frame */
+    AXT_CAN_ERROR_IO = -4,           /* the carrier failed */
+    AXT_CAN_ERROR_NO_SUPPORT = -5,   /* the kernel has no CAN */
+    AXT_CAN_ERROR_NO_INTERFACE = -6, /* no CAN interface of that name */
+    AXT_CAN_ERROR_DOWN = -7,         /* the interface is down */
+    AXT_CAN_ERROR_ADDRESS = -8,      /* not an address or path that can be used */
+    AXT_CAN_ERROR_IN_USE = -9,       /* somebody else uses that address or path */
+    AXT_CAN_ERROR_PERMISSION = -10   /* not allowed */
+} axt_can_status;
+
+/* One English line for a status, saying what to do where that is known; static memory. */
+const char *axt_can_status_string(axt_can_status status);
+
+/* A bus. A carrier has this as its first member and sets the functions when it is opened. */
+typedef struct axt_can axt_can;
+struct axt_can {
+    /* AXT_CAN_OK: the frame is on its way. AXT_CAN_WOULD_BLOCK: it is not, offer it again.
+     * AXT_CAN_CLOSED: it was dropped. Any other: it was dropped and the bus has failed. */
+    axt_can_status (*send)(axt_can *can, const axt_can_frame *frame);
+
+    /* AXT_CAN_OK: `frame` is the next one. Otherwise it is unchanged. Also does what the carrier
+     * has to do now and then, such as flushing and accepting a host: call it at least every few
+     * milliseconds. */
+    axt_can_status (*receive)(axt_can *can, axt_can_frame *frame);
+
+    /* Gives back what opening took. */
+    void (*close)(axt_can *can);
+};
+
+#endif

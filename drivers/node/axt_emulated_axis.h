@@ -1,0 +1,29 @@
+/* axt_emulated_axis.h - the axis of Eq. 3 with its two encoders, in the place of a real one.
+ *
+ * What a node's port needs of an axis: apply a torque, read the encoders.
+ */
+#ifndef AXT_EMULATED_AXIS_H
+#define AXT_EMULATED_AXIS_H
+
+#include "axt_encoder.h"
+#include "axt_plant.h"
+
+typedef struct {
+    axt_plant plant;
+    uint32_t counts_per_turn[2]; /* encoders at motor and table */
+} axt_emulated_axis;
+
+/* At rest at angle 0. Fails as axt_plant_init(), and with AXT_ERROR_RANGE for counts a turn outside
+ * 1 .. 2^24. */
+axt_status axt_emulated_axis_init(axt_emulated_axis *emulated, const axt_axis *axis,
+                                  axt_real time_step, const uint32_t counts_per_turn[2]);
+
+/* Moves the axis on by one control period, at the end of which `torque` [N m] acts. `axis` is an
+ * axt_emulated_axis. Cost: that of axt_plant_step(). */
+void axt_emulated_axis_apply_torque(void *axis, axt_real torque);
+
+/* Reads both encoders. A place they cannot show (beyond any servo's reach) leaves `position` as it
+ * is. Cost: about 100 operations. */
+void axt_emulated_axis_read_encoders(void *axis, int32_t position[2]);
+
+#endif
