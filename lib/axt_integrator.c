@@ -265,8 +265,8 @@ static void step_oscillator(const axt_integrator *integrator, axt_oscillator *o,
 }
 
 axt_status axt_integrator_step(axt_integrator *integrator, axt_real torque) {
-    if (!(axt_abs(torque) <= AXT_R(AXT_PLANT_TORQUE_MAX))) {
-        return axt_finite(torque) ? AXT_ERROR_RANGE : AXT_ERROR_NOT_FINITE;
+    if (!axt_finite(torque)) {
+        return AXT_ERROR_NOT_FINITE;
     }
     step_oscillator(integrator, &integrator->twist, torque);
     step_oscillator(integrator, &integrator->body, torque);

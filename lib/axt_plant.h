@@ -17,14 +17,10 @@
 #include "axt_real.h"
 #include "axt_status.h"
 
-/* Largest torque that a step accepts [N m or N]: far above any servo axis, and small enough that no
- * sum can overflow. */
-#define AXT_PLANT_TORQUE_MAX 1e9
-
 /* Newmark's alpha (of the displacement) and delta (of the speed), Eqs. 4-6.
  * 1/4, 1/2: the trapezoidal rule, unconditionally stable and without numerical damping. */
 typedef struct {
-    axt_real alpha; /* 0 .. 1 */
+    axt_real alpha; /* 1/100 .. 1 */
     axt_real delta; /* 1/2 .. 1 */
 } axt_newmark;
 
@@ -43,37 +39,36 @@ typedef struct {
 
 /* The plant. Its fields are its own business; read it with axt_plant_read(). */
 typedef struct {
-    /* Newmark's step for the twist */
-    axt_real predict_speed;  /* Dt */
-    axt_real predict_twist;  /* (1/2 - alpha) Dt^2 */
-    axt_real correct_twist;  /* alpha Dt^2 */
-    axt_real predict_rate;   /* (1 - delta) Dt */
-    axt_real correct_rate;   /* delta Dt */
-    axt_real gain_torque;    /* acceleration for 1 N m at the end of the step */
-    axt_real gain_damping;   /* ... for 1 rad/s of twist speed */
-    axt_real gain_stiffness; /* ... for 1 rad of twist */
-    /* equilibrium, for the initial acceleration */
-    axt_real acceleration_torque;
-    axt_real acceleration_damping;
-    axt_real acceleration_stiffness;
-    /* reading the sums back */
-    axt_real alpha;
-    axt_real delta;
-    axt_real turn;        /* one turn in units of `travel` */
-    axt_real per_turn;    /* its reciprocal */
-    axt_real speed_unit;  /* rigid-body speed in units of `impulse` [rad/s] */
-    axt_real motor_share; /* I2 / (I1 + I2): the motor's share of the twist */
+    /* Newmark's step for the twist, in units of the step: see axt_plant.c */
+    axt_real predict_twist;
+    axt_real predict_rate;
+    axt_real correct_rate;
+    axt_real gain_torque;
+    axt_real gain_damping;
+    axt_real gain_stiffness;
     /* state */
-    axt_real twist;
-    axt_real twist_speed;
-    axt_real twist_acceleration;
-    axt_real torque;
-    axt_real impulse; /* sum of the torque samples, two words */
+    axt_real twist;       /* q [rad] */
+    axt_real twist_rate;  /* Dt q' [rad] */
+    axt_real twist_force; /* alpha Dt^2 q'' [rad] */
+    axt_real torque;      /* [N m] */
+    axt_real impulse;     /* sum of the torque samples, two words [N m] */
     axt_real impulse_low;
-    axt_real travel; /* sum of those sums modulo one turn, two words */
+    axt_real travel; /* sum of those sums modulo one turn, two words [N m] */
     axt_real travel_low;
+    axt_real half_turn; /* half a turn in units of `travel` [N m] */
     int32_t turns;
     uint32_t rejected; /* torque samples refused, wrapping around */
+    /* reading the state back */
+    axt_real alpha;
+    axt_real delta;
+    axt_real steps_per_second; /* 1 / Dt [1/s] */
+    axt_real travel_per_turn;  /* 1 / (2 half_turn) */
+    axt_real speed_unit;       /* rigid-body speed for 1 of `impulse` [rad/s] */
+    axt_real motor_share;      /* I2 / (I1 + I2): the motor's share of the twist */
+    /* equilibrium, for the initial acceleration: alpha Dt^2 q'' for 1 of each */
+    axt_real force_of_torque;
+    axt_real force_of_rate;
+    axt_real force_of_twist;
 } axt_plant;
 
 /* The axis at rest at angle 0 with torque 0 acting: everything is zero.
@@ -83,15 +78,16 @@ axt_status axt_plant_init(axt_plant *plant, const axt_axis *axis, axt_real time_
                           const axt_newmark *newmark);
 
 /* Puts the plant into the state `motion` with `torque` [N m] acting; the acceleration follows from
- * equilibrium (Eq. 3). AXT_ERROR_NOT_FINITE or AXT_ERROR_RANGE (torque beyond its limit, speed of
- * half a turn a step or more) leave the plant as it was. */
+ * equilibrium (Eq. 3). AXT_ERROR_NOT_FINITE or AXT_ERROR_RANGE (torque as for axt_plant_step(),
+ * speed of half a turn a step or more, a twist beyond 1000 rad) leave the plant as it was. */
 axt_status axt_plant_set(axt_plant *plant, const axt_motion *motion, axt_real torque);
 
 /* One step of Newmark's method: `torque` [N m] is the torque at the end of the step, varying
- * linearly from the last one. Cost: 8 multiply-adds for the twist, some 20 additions for the rigid
- * body, no division; the same whatever the data. AXT_ERROR_NOT_FINITE or AXT_ERROR_RANGE: the
- * sample is counted in `rejected` and the plant does not move. The speed of the rigid body
- * saturates at half a turn a step. */
+ * linearly from the last one. Cost: 8 multiply-adds for the twist, 22 additions for the rigid body,
+ * one comparison, no division; about 20 operations more in the steps in which the axis passes half
+ * a turn. AXT_ERROR_NOT_FINITE, or AXT_ERROR_RANGE for a torque that would turn the axis by more
+ * than half a turn in one step: counted in `rejected`, and the plant does not move. The speed of
+ * the rigid body saturates at half a turn a step. */
 axt_status axt_plant_step(axt_plant *plant, axt_real torque);
 
 /* The present motion. Cost: about 25 operations. */
