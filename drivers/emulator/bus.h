@@ -1,0 +1,29 @@
+/* bus.h - the bus that the command line asks for. */
+#ifndef BUS_H
+#define BUS_H
+
+#include "axt_can.h"
+#include "axt_can_pace.h"
+#include "axt_slcan_pty.h"
+#include "axt_slcan_tcp.h"
+#include "axt_socketcan.h"
+
+typedef struct {
+    union {
+        axt_socketcan socketcan;
+        axt_slcan_pty pty;
+        axt_slcan_tcp tcp;
+    } carrier;
+    axt_can_pace pace;
+    axt_can *can;   /* use this */
+    bool paced;     /* tell `pace` that time passes */
+    char name[300]; /* for people: "pty /dev/pts/5" */
+} axt_emulator_bus;
+
+/* Opens `bus`: INTERFACE, pty, pty:LINK or tcp:[HOST:]PORT. `receive_id` is the one identifier that
+ * is of interest, `bit_rate` the speed to emulate or 0. Fails as the carrier does. The struct must
+ * not move. */
+axt_can_status axt_emulator_bus_open(axt_emulator_bus *opened, const char *bus, uint32_t receive_id,
+                                     uint32_t bit_rate);
+
+#endif

@@ -1,0 +1,88 @@
+#include "loop.h"
+
+#include <errno.h>
+#include <math.h>
+#include <time.h>
+
+#include "axt_clock.h"
+
+#define NANO UINT64_C(1000000000)
+
+enum { SIMULATED_BATCH = 64, NO_ROOM_NANOSECONDS = 100000 };
+
+/* Control periods that begin by `time` [s]; the first begins at 0. */
+static uint64_t begun_by(const axt_emulator_loop *loop, double time) {
+    return (time >= 0) ? (uint64_t)(time / loop->period) + 1 : 0;
+}
+
+static uint64_t total_periods(const axt_emulator_loop *loop) {
+    return (loop->duration > 0) ? (uint64_t)llround(loop->duration / loop->period) : UINT64_MAX;
+}
+
+static uint64_t smaller(uint64_t a, uint64_t b) {
+    return (a < b) ? a : b;
+}
+
+static void sleep_until(uint64_t moment) {
+    const struct timespec then = {.tv_sec = (time_t)(moment / NANO),
+                                  .tv_nsec = (long)(moment % NANO)};
+    (void)clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &then, NULL); /* a signal may end it */
+}
+
+/* The background, after telling the bus how much time has passed since the last call. */
+static axt_can_status talk(const axt_emulator_loop *loop, uint64_t *last) {
+    const uint64_t now = axt_clock_now();
+    if (loop->bus->paced) {
+        axt_can_pace_elapse(&loop->bus->pace, now - *last);
+    }
+    *last = now;
+    return axt_node_background(loop->node);
+}
+
+axt_can_status axt_emulator_run_in_real_time(const axt_emulator_loop *loop) {
+    const uint64_t total = total_periods(loop);
+    const uint64_t batch = (uint64_t)ceil(loop->wake / loop->period) + 1;
+    const uint64_t start = axt_clock_now();
+    uint64_t talked = start;
+    uint64_t done = 0;
+    axt_can_status status = AXT_CAN_OK;
+    while (status == AXT_CAN_OK && done < total && *loop->stop == 0) {
+        const double elapsed = (double)(axt_clock_now() - start) * 1e-9;
+        const double wakes = floor(elapsed / loop->wake);
+        const uint64_t due = smaller(begun_by(loop, elapsed), total);
+        const uint64_t late = begun_by(loop, (wakes - 1) * loop->wake);
+        /* in batches, so that the bus is served while a delay is made up for */
+        const uint64_t until = smaller(due, done + batch);
+        if (late > done) {
+            axt_node_overrun(loop->node, (uint32_t)(smaller(late, until) - done));
+        }
+        while (done < until) {
+            axt_node_tick(loop->node);
+            done++;
+        }
+        status = talk(loop, &talked);
+        if (done == due) {
+            sleep_until(start + (uint64_t)((wakes + 1) * loop->wake * 1e9));
+        }
+    }
+    return status;
+}
+
+axt_can_status axt_emulator_run_simulated(const axt_emulator_loop *loop) {
+    const uint64_t total = total_periods(loop);
+    uint64_t talked = axt_clock_now();
+    uint64_t done = 0;
+    axt_can_status status = AXT_CAN_OK;
+    while (status == AXT_CAN_OK && done < total && *loop->stop == 0) {
+        const uint64_t until = smaller(done + SIMULATED_BATCH, total);
+        while (done < until && axt_node_has_room(loop->node)) {
+            axt_node_tick(loop->node);
+            done++;
+        }
+        status = talk(loop, &talked);
+        if (!axt_node_has_room(loop->node)) {
+            sleep_until(axt_clock_now() + NO_ROOM_NANOSECONDS);
+        }
+    }
+    return status;
+}

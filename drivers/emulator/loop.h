@@ -1,0 +1,29 @@
+/* loop.h - lets a node live: in real time, or as fast as it goes. */
+#ifndef LOOP_H
+#define LOOP_H
+
+#include <signal.h>
+#include <stdbool.h>
+
+#include "axt_node.h"
+#include "bus.h"
+
+typedef struct {
+    axt_node *node;
+    axt_emulator_bus *bus;
+    double period;                     /* of the node's control loop [s] */
+    double wake;                       /* interval at which to wake up [s], `period` or more */
+    double duration;                   /* of axis time [s], 0: no end */
+    const volatile sig_atomic_t *stop; /* ends the loop when it is not 0 */
+} axt_emulator_loop;
+
+/* Runs control period n at start + n x period, rounded up to the next wake-up: what is due is run,
+ * late or not, so that axis time and real time never part. A period that begins later than the
+ * wake-up after its own is an overrun. AXT_CAN_OK at the end or when stopped, else how the bus
+ * failed. */
+axt_can_status axt_emulator_run_in_real_time(const axt_emulator_loop *loop);
+
+/* Runs control periods without waiting for anything but room for the streamed samples. */
+axt_can_status axt_emulator_run_simulated(const axt_emulator_loop *loop);
+
+#endif

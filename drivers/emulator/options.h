@@ -1,0 +1,42 @@
+/* options.h - the emulator's command line. */
+#ifndef OPTIONS_H
+#define OPTIONS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "axt_axis.h"
+#include "axt_excitation.h"
+
+typedef struct {
+    const char *bus;   /* INTERFACE, pty, pty:LINK or tcp:[HOST:]PORT */
+    uint32_t bit_rate; /* of the bus [bit/s], 0: as fast as the carrier */
+    uint8_t node;
+    double period;              /* of the control loop [s] */
+    uint32_t stream_decimation; /* control periods between streamed samples */
+    axt_axis axis;              /* what is emulated */
+    axt_axis expected;          /* what the estimator starts from */
+    axt_real forgetting;
+    uint32_t counts_per_turn[2]; /* motor, table */
+    uint32_t rated_torque;       /* [mN m] */
+    axt_schroeder excitation;
+    bool excited;
+    bool streaming;
+    uint32_t trace_size; /* [samples] */
+    bool simulated;
+    double duration;       /* of axis time [s], 0: until a signal */
+    double wake;           /* interval of the loop [s] */
+    int realtime_priority; /* 1 .. 99, 0: none */
+} axt_emulator_options;
+
+enum { AXT_EMULATOR_TABLE_SIZE = 32768 }; /* samples of an excitation's period */
+
+typedef enum {
+    AXT_EMULATOR_RUN,   /* `options` is complete */
+    AXT_EMULATOR_EXIT,  /* help or version has been printed */
+    AXT_EMULATOR_MISUSE /* one line on standard error says what is wrong */
+} axt_emulator_todo;
+
+axt_emulator_todo axt_emulator_read_options(int argc, char **argv, axt_emulator_options *options);
+
+#endif
