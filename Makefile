@@ -44,13 +44,13 @@ $(VENV)/.build-tools: tests/tools/constraints.txt tests/tools/python-packages | 
 
 # The package is compiled from lib/ and carries the wire contract.
 $(VENV)/.host: $(HOST_SOURCES) $(CORE_SOURCES) drivers/contract/axistwin.dbc $(VENV)/.build-tools
-	$(PIP) --no-build-isolation ./host
 	rm -rf host/build
+	$(PIP) --no-build-isolation ./host
 	touch $@
 
 $(VENV)/.host-test: host/pyproject.toml tests/tools/constraints.txt | $(VENV)/.host
-	$(PIP) --no-build-isolation './host[test]'
 	rm -rf host/build
+	$(PIP) --no-build-isolation './host[test]'
 	touch $@
 
 # ---- C: the same sources as several variants, each in a folder of its own -----------------------

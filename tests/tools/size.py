@@ -160,7 +160,7 @@ def compile_core(tool: str, flags: list[str], folder: Path) -> list[Path]:
 
 
 def state_sizes(tool: str, flags: list[str], folder: Path) -> dict[str, int]:
-    """sizeof of each public struct: compiled into arrays of that size, read from the object."""
+    """Bytes of each public struct: compiled into arrays of that size, read from the object."""
     structs = public_structs()
     source = folder / "state.c"
     arrays = [f"extern char state_{name}[]; char state_{name}[sizeof({name})];" for name in structs]

@@ -5,9 +5,9 @@
 Every target runs, whatever became of the others; its output goes to build/results/TARGET.log and
 is printed when it fails (with --show: always, while it runs). What is counted is what was seen to
 run: the JUnit report of a pytest suite, the closing lines of unit test programs, otherwise one
-check a target. A target that fails without a failure of its own counted (a crash, a compiler error,
-a test runner that did not start) counts as one failure. The last line is the sum; the exit status is
-1 unless all ran and nothing failed.
+check a target. A target that fails without a failure of its own counted (a crash, a compiler
+error, a test runner that did not start) counts as one failure. The last line is the sum; the exit
+status is 1 unless all ran and nothing failed.
 """
 
 from __future__ import annotations
