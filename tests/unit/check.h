@@ -50,33 +50,34 @@ static struct {
 static inline bool check_failed(const char *file, int line) {
     check_state.failures++;
     if (check_state.failures == CHECK_PRINTED_MAX + 1) {
-        fprintf(stderr, "%s:%d: %s: more failures are not printed\n", file, line, check_state.name);
+        (void)fprintf(stderr, "%s:%d: %s: more failures are not printed\n", file, line,
+                      check_state.name);
     }
     if (check_state.failures > CHECK_PRINTED_MAX) {
         return false;
     }
-    fprintf(stderr, "%s:%d: %s: ", file, line, check_state.name);
+    (void)fprintf(stderr, "%s:%d: %s: ", file, line, check_state.name);
     return true;
 }
 
 static inline void check_true(bool holds, const char *file, int line, const char *text) {
     if (!holds && check_failed(file, line)) {
-        fprintf(stderr, "not true: %s\n", text);
+        (void)fprintf(stderr, "not true: %s\n", text);
     }
 }
 
 static inline void check_equal(long long actual, long long expected, const char *file, int line,
                                const char *text) {
     if (actual != expected && check_failed(file, line)) {
-        fprintf(stderr, "%s is %lld, expected %lld\n", text, actual, expected);
+        (void)fprintf(stderr, "%s is %lld, expected %lld\n", text, actual, expected);
     }
 }
 
 static inline void check_near(double actual, double expected, double tolerance, const char *file,
                               int line, const char *text) {
     if (!(fabs(actual - expected) <= tolerance) && check_failed(file, line)) {
-        fprintf(stderr, "%s is %.17g, expected %.17g within %.3g, off by %.3g\n", text, actual,
-                expected, tolerance, actual - expected);
+        (void)fprintf(stderr, "%s is %.17g, expected %.17g within %.3g, off by %.3g\n", text,
+                      actual, expected, tolerance, actual - expected);
     }
 }
 
