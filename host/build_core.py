@@ -1,0 +1,69 @@
+"""Builds axistwin._core32 and axistwin._core64: the C core in single and in double precision.
+
+What Python sees is declared by the core's own headers, preprocessed: there is no second list.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from cffi import FFI
+
+HERE = Path(__file__).resolve().parent
+NATIVE = HERE / "native"
+CORE = HERE.parent / "lib"
+STANDARD_HEADERS = ("stdbool.h", "stddef.h", "stdint.h")
+
+
+def declarations(real: str) -> str:
+    """The declarations that `axt_loops.h` makes visible, for the number type `real`.
+
+    The standard headers are replaced by empty ones: cffi knows what they define.
+    """
+    compiler = os.environ.get("CC", "cc").split()
+    with tempfile.TemporaryDirectory() as empty:
+        for header in STANDARD_HEADERS:
+            (Path(empty) / header).touch()
+        options = ["-E", "-P", "-nostdinc", f"-I{empty}", f"-I{CORE}", f"-DAXT_REAL={real}"]
+        return subprocess.run(
+            [*compiler, *options, str(NATIVE / "axt_loops.h")],
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+
+
+def core(name: str, real: str) -> FFI:
+    """The extension module `name` with the number type `real`."""
+    if not (CORE / "axt.h").exists():
+        sys.exit(
+            f"axistwin: the sources of its C core are not in {CORE}; "
+            "install it from a checkout of the whole repository: pip install ./host"
+        )
+    ffi = FFI()
+    ffi.cdef(declarations(real))
+    ffi.set_source(
+        name,
+        '#include "axt_loops.h"',
+        sources=[str(path) for path in (*sorted(CORE.glob("*.c")), NATIVE / "axt_loops.c")],
+        include_dirs=[str(CORE), str(NATIVE)],
+        define_macros=[("AXT_REAL", real)],
+        # Not contracted, so that the same samples give the same bits here as on the node.
+        extra_compile_args=["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden"],
+        libraries=["m"],
+    )
+    return ffi
+
+
+def core32() -> FFI:
+    """Single precision, as on a drive."""
+    return core("axistwin._core32", "float")
+
+
+def core64() -> FFI:
+    """Double precision."""
+    return core("axistwin._core64", "double")

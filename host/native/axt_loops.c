@@ -1,0 +1,77 @@
+#include "axt_loops.h"
+
+axt_status axt_loop_simulate(const axt_axis *axis, axt_real time_step, const axt_newmark *newmark,
+                             const axt_motion *start, const axt_real *torque, size_t n,
+                             axt_motion *motion, size_t *done) {
+    axt_plant plant;
+    *done = 0;
+    axt_status status = axt_plant_init(&plant, axis, time_step, newmark);
+    for (size_t i = 0; i < n && status == AXT_OK; i++) {
+        status =
+            (i == 0) ? axt_plant_set(&plant, start, torque[0]) : axt_plant_step(&plant, torque[i]);
+        if (status == AXT_OK) {
+            axt_plant_read(&plant, &motion[i]);
+            *done = i + 1;
+        }
+    }
+    return status;
+}
+
+axt_status axt_loop_read_encoder(uint32_t counts_per_turn, axt_encoder_place place,
+                                 const axt_motion *motion, size_t n, int32_t *counts,
+                                 size_t *done) {
+    axt_status status = AXT_OK;
+    *done = 0;
+    for (size_t i = 0; i < n && status == AXT_OK; i++) {
+        status = axt_encoder_read(counts_per_turn, &motion[i], place, &counts[i]);
+        *done += (status == AXT_OK);
+    }
+    return status;
+}
+
+static bool due(size_t i, size_t n, size_t every) {
+    return (i + 1) % every == 0 || i + 1 == n;
+}
+
+axt_status axt_loop_ident_motion(const axt_ident_config *config, const axt_motion *motion,
+                                 const axt_real *torque, const uint8_t *gap, size_t n, size_t every,
+                                 axt_estimate *estimates, uint32_t *rejected) {
+    axt_ident ident;
+    const axt_status status = axt_ident_init(&ident, config);
+    if (status != AXT_OK) {
+        return status;
+    }
+    for (size_t i = 0; i < n; i++) {
+        if (gap[i]) {
+            axt_ident_gap(&ident);
+        }
+        (void)axt_ident_motion(&ident, &motion[i], torque[i]); /* what it refuses, it counts */
+        if (due(i, n, every)) {
+            (void)axt_ident_result(&ident, estimates++); /* no answer yet: zeros, not valid */
+        }
+    }
+    *rejected = ident.rls.rejected;
+    return AXT_OK;
+}
+
+axt_status axt_loop_ident_counts(const axt_ident_config *config, const int32_t *motor,
+                                 const int32_t *table, const axt_real *torque, const uint8_t *gap,
+                                 size_t n, size_t every, axt_estimate *estimates,
+                                 uint32_t *rejected) {
+    axt_ident ident;
+    const axt_status status = axt_ident_init(&ident, config);
+    if (status != AXT_OK) {
+        return status;
+    }
+    for (size_t i = 0; i < n; i++) {
+        if (gap[i]) {
+            axt_ident_gap(&ident);
+        }
+        (void)axt_ident_counts(&ident, motor[i], table[i], torque[i]); /* as above */
+        if (due(i, n, every)) {
+            (void)axt_ident_result(&ident, estimates++);
+        }
+    }
+    *rejected = ident.rls.rejected;
+    return AXT_OK;
+}

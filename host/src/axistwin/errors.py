@@ -1,0 +1,45 @@
+"""What can go wrong, each with the exit status of the command line.
+
+Every message is one line for the person who typed the command: what is wrong, where, what to do.
+"""
+
+from __future__ import annotations
+
+
+class AxisTwinError(Exception):
+    """Anything that this package raises on purpose."""
+
+    #: Exit status of the command line.
+    exit_code = 2
+
+
+class InputError(AxisTwinError):
+    """An argument, a file or a value in it does not make sense."""
+
+
+class BusError(AxisTwinError):
+    """The bus, the node or the file system does not do what was asked of it."""
+
+    exit_code = 3
+
+
+class NoAnswerError(BusError):
+    """A node does not answer."""
+
+
+class NodeLostError(BusError):
+    """A node that was there has gone silent, or the way to it is gone."""
+
+
+class CommandRefusedError(BusError):
+    """A node answered that it will not carry out a command."""
+
+
+class ContractError(BusError):
+    """Node and host do not speak the same version of the wire contract."""
+
+
+class NotEnoughDataError(AxisTwinError):
+    """The data cannot answer what was asked."""
+
+    exit_code = 4
