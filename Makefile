@@ -133,7 +133,7 @@ $(BUILD)/sanitized/axistwin-emulator: $(BUILD)/sanitized-float/axistwin-emulator
 
 RESULTS := $(BUILD)/results
 PYTEST  := $(VENV)/bin/python -m pytest -c host/pyproject.toml --rootdir=. -o cache_dir=$(BUILD)/pytest
-C_FILES := $(wildcard lib/*.[ch] host/native/*.[ch] drivers/*/*.[ch] tests/unit/*.[ch])
+C_FILES := $(wildcard lib/*.[ch] host/native/*.[ch] drivers/*/*.[ch] tests/unit/*.[ch] tests/readme/*.c)
 PY_CODE := host drivers tests
 SCRIPTS := $(filter-out %.py %.txt,$(wildcard tests/tools/*)) .ci/run
 QUICK   := $(addprefix unit-,gcc-float gcc-double) host-tests \
