@@ -20,7 +20,7 @@ typedef long double wide;
 /* One of two numbers: for a library in float, for one in double. */
 #define BY_TYPE(in_float, in_double)                                                               \
     ((sizeof(axt_real) == sizeof(float)) ? (in_float) : (in_double))
-#define REAL_EPSILON BY_TYPE((wide)FLT_EPSILON, (wide)DBL_EPSILON)
+#define REAL_EPSILON BY_TYPE((double)FLT_EPSILON, DBL_EPSILON)
 
 #define COUNT_OF(array) (sizeof(array) / sizeof((array)[0]))
 

@@ -32,7 +32,7 @@ CASE(modal_properties_are_the_eigenvalues_of_eq_8) {
         const wide sum = 1 / (wide)axis.I1 + 1 / (wide)axis.I2;
         const wide damping = (wide)axis.B * sum;
         const wide stiffness = (wide)axis.K * sum;
-        const wide tolerance = 16 * REAL_EPSILON;
+        const double tolerance = 16 * REAL_EPSILON;
         if (zeta < 0.9L) {
             const wide real = -zeta * wn;
             const wide imaginary = (wide)modal.wd;
