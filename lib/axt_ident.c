@@ -187,7 +187,8 @@ static uint32_t valid_if(uint32_t flag, axt_real value, axt_real error) {
 axt_status axt_ident_result(const axt_ident *ident, axt_estimate *estimate) {
     axt_estimate found = {.samples = ident->rls.updates};
     *estimate = found;
-    if (ident->rls.updates < SETTLED_UPDATES || !(ident->weight > AXT_R(SETTLED_UPDATES / 2))) {
+    if (ident->rls.updates < SETTLED_UPDATES ||
+        !(ident->weight > AXT_R(0.5) * AXT_R(SETTLED_UPDATES))) {
         return AXT_ERROR_NO_DATA;
     }
     const axt_real share = ident->regressor.motor_share;
