@@ -17,8 +17,14 @@ class InputError(AxisTwinError):
     """An argument, a file or a value in it does not make sense."""
 
 
+class FileError(AxisTwinError):
+    """A file cannot be written."""
+
+    exit_code = 3
+
+
 class BusError(AxisTwinError):
-    """The bus, the node or the file system does not do what was asked of it."""
+    """The bus or the node does not do what was asked of it."""
 
     exit_code = 3
 
