@@ -42,16 +42,20 @@ $(VENV)/.build-tools: tests/tools/constraints.txt tests/tools/python-packages | 
 	$(PIP) setuptools cffi cantools
 	touch $@
 
-# The package is compiled from lib/ and carries the wire contract.
-$(VENV)/.host: $(HOST_SOURCES) $(CORE_SOURCES) drivers/contract/axistwin.dbc $(VENV)/.build-tools
+# The package is compiled from lib/ and carries the wire contract. setuptools would take up again what
+# an earlier build left.
+define install-host
 	rm -rf host/build
-	$(PIP) --no-build-isolation ./host
+	$(PIP) --no-build-isolation $1
+	rm -rf host/build
 	touch $@
+endef
+
+$(VENV)/.host: $(HOST_SOURCES) $(CORE_SOURCES) drivers/contract/axistwin.dbc $(VENV)/.build-tools
+	$(call install-host,./host)
 
 $(VENV)/.host-test: host/pyproject.toml tests/tools/constraints.txt | $(VENV)/.host
-	rm -rf host/build
-	$(PIP) --no-build-isolation './host[test]'
-	touch $@
+	$(call install-host,'./host[test]')
 
 # ---- C: the same sources as several variants, each in a folder of its own -----------------------
 
@@ -149,13 +153,13 @@ hil: $(VENV)/.host-test $(EMULATORS)
 	tests/tools/with-vcan $(PYTEST) -qq --junitxml=$(RESULTS)/$@.xml tests/hil
 
 lint-ruff: $(VENV)/.host-test
-	$(VENV)/bin/ruff check --quiet --config host/pyproject.toml $(PY_CODE)
+	$(VENV)/bin/ruff check --quiet $(PY_CODE)
 
 lint-ruff-format: $(VENV)/.host-test
-	$(VENV)/bin/ruff format --check --config host/pyproject.toml $(PY_CODE)
+	$(VENV)/bin/ruff format --check --quiet $(PY_CODE)
 
 lint-mypy: $(VENV)/.host-test
-	$(VENV)/bin/mypy --config-file host/pyproject.toml $(PY_CODE)
+	$(VENV)/bin/mypy --config-file host/pyproject.toml --cache-dir $(BUILD)/mypy $(PY_CODE)
 
 lint-clang-format: $(BUILD)/packages-check
 	clang-format --dry-run -Werror $(C_FILES)
