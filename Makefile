@@ -35,8 +35,8 @@ $(BUILD)/packages-%: Makefile tests/tools/debian-packages
 
 PIP          := PYTHON=$(PYTHON) tests/tools/python-packages
 CORE_SOURCES := $(wildcard lib/*.[ch])
-HOST_SOURCES := $(shell find host -type f -not -path '*/__pycache__/*' -not -path '*.egg-info/*' \
-                        -not -path 'host/build/*' 2>/dev/null)
+HOST_SOURCES := $(shell find host -type f \( -name '*.py*' -o -name '*.[ch]' -o -name '*.toml' \) \
+                        -not -path 'host/build/*' -not -path '*/__pycache__/*')
 
 $(VENV)/.build-tools: tests/tools/constraints.txt tests/tools/python-packages | $(BUILD)/packages-build
 	$(PIP) setuptools cffi cantools
@@ -76,34 +76,34 @@ $(CONTRACT)/axt_contract.c $(CONTRACT)/axt_contract.h &: drivers/contract/axistw
 		drivers/contract/generate.py | $(VENV)/.build-tools
 	$(VENV)/bin/python drivers/contract/generate.py --code $(CONTRACT)
 
-# $(call variant,NAME,COMPILER,FLAGS)
+# $(call variant,NAME,COMPILER,PACKAGES,FLAGS)
 define variant
-$(BUILD)/$1/lib/%.o: lib/%.c Makefile | $(BUILD)/packages-build
+$(BUILD)/$1/lib/%.o: lib/%.c Makefile | $(BUILD)/packages-$3
 	mkdir -p $$(@D)
-	$2 $$(CORE_FLAGS) $3 -c $$< -o $$@
+	$2 $$(CORE_FLAGS) $4 -c $$< -o $$@
 
-$(BUILD)/$1/drivers/node/%.o: drivers/node/%.c Makefile | $(CONTRACT)/axt_contract.h
+$(BUILD)/$1/drivers/node/%.o: drivers/node/%.c Makefile | $(BUILD)/packages-$3 $(CONTRACT)/axt_contract.h
 	mkdir -p $$(@D)
-	$2 $$(DRIVER_FLAGS) -ffreestanding $3 -c $$< -o $$@
+	$2 $$(DRIVER_FLAGS) -ffreestanding $4 -c $$< -o $$@
 
-$(BUILD)/$1/drivers/%.o: drivers/%.c Makefile | $(CONTRACT)/axt_contract.h
+$(BUILD)/$1/drivers/%.o: drivers/%.c Makefile | $(BUILD)/packages-$3 $(CONTRACT)/axt_contract.h
 	mkdir -p $$(@D)
-	$2 $$(DRIVER_FLAGS) -D_GNU_SOURCE $3 -c $$< -o $$@
+	$2 $$(DRIVER_FLAGS) -D_GNU_SOURCE $4 -c $$< -o $$@
 
-$(BUILD)/$1/contract/%.o: $(CONTRACT)/%.c Makefile
+$(BUILD)/$1/contract/%.o: $(CONTRACT)/%.c Makefile | $(BUILD)/packages-$3
 	mkdir -p $$(@D)
-	$2 $$(C_FLAGS) $3 -c $$< -o $$@
+	$2 $$(C_FLAGS) $4 -c $$< -o $$@
 
 $(BUILD)/$1/libaxistwin.a: $(CORE:%=$(BUILD)/$1/%.o)
 $(BUILD)/$1/libdrivers.a: $(patsubst %,$(BUILD)/$1/%.o,$(filter-out $(MAIN),$(PORTABLE) $(LINUX)) \
 	contract/axt_contract)
 
 $(BUILD)/$1/axistwin-emulator: $(BUILD)/$1/$(MAIN).o $(BUILD)/$1/libdrivers.a $(BUILD)/$1/libaxistwin.a
-	$2 $3 $$^ -lm -o $$@
+	$2 $4 $$^ -lm -o $$@
 
 $(BUILD)/$1/unit/%: tests/unit/%.c $(BUILD)/$1/libdrivers.a $(BUILD)/$1/libaxistwin.a
 	mkdir -p $$(@D)
-	$2 $$(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE $3 $$(filter-out %.h,$$^) -lm -o $$@
+	$2 $$(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE $4 $$(filter-out %.h,$$^) -lm -o $$@
 
 unit-$1: $(UNITS:%=$(BUILD)/$1/unit/%)
 	status=$$(if $$^,0,1); for program in $$^; do $$$$program || status=1; done; exit $$$$status
@@ -116,9 +116,9 @@ REALS    := float double
 VARIANTS := $(foreach tool,gcc clang sanitized,$(REALS:%=$(tool)-%))
 
 $(foreach real,$(REALS),\
-    $(eval $(call variant,gcc-$(real),$(GCC),-DAXT_REAL=$(real)))\
-    $(eval $(call variant,clang-$(real),$(CLANG),-DAXT_REAL=$(real)))\
-    $(eval $(call variant,sanitized-$(real),$(GCC),-DAXT_REAL=$(real) $(SANITIZE))))
+    $(eval $(call variant,gcc-$(real),$(GCC),build,-DAXT_REAL=$(real)))\
+    $(eval $(call variant,clang-$(real),$(CLANG),check,-DAXT_REAL=$(real)))\
+    $(eval $(call variant,sanitized-$(real),$(GCC),build,-DAXT_REAL=$(real) $(SANITIZE))))
 
 %.a:
 	rm -f $@

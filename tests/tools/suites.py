@@ -13,6 +13,7 @@ status is 1 unless all ran and nothing failed.
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 RESULTS = Path("build/results")
+MAKE = ["make", "--silent", "--no-print-directory", f"--jobs={os.cpu_count()}"]
 UNIT_CLOSING_LINE = re.compile(r"^\w+: (\d+) passed, (\d+) failed$", re.MULTILINE)
 
 
@@ -84,7 +86,8 @@ def run_target(target: str, show: bool) -> Count:
     with (
         log.open("w", encoding="utf-8") as copy,
         subprocess.Popen(
-            ["make", "--silent", "--no-print-directory", target],
+            [*MAKE, target],
+            env={name: value for name, value in os.environ.items() if name != "MAKEFLAGS"},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
