@@ -70,12 +70,14 @@ static bool read_frame(const char *line, uint32_t length, axt_can_frame *frame) 
     }
     found.id |= (extended ? AXT_CAN_EXTENDED : 0) | (remote ? AXT_CAN_REMOTE : 0);
     found.length = (uint8_t)size;
+    const char *next = line + 2 + digits;
     for (uint32_t i = 0; i < data_digits / 2; i++) {
         uint32_t byte;
-        if (!read_number(line + 2 + digits + 2 * i, 2, &byte)) {
+        if (!read_number(next, 2, &byte)) {
             return false;
         }
         found.data[i] = (uint8_t)byte;
+        next += 2;
     }
     *frame = found;
     return true;
@@ -188,7 +190,11 @@ static void answer_about(uint32_t length, const char *text, axt_slcan_reply *rep
 }
 
 static void answer_done(bool done, axt_slcan_reply *reply) {
-    answer_end(reply, done ? ok : bell);
+    if (done) {
+        answer_end(reply, ok);
+    } else {
+        answer_end(reply, bell);
+    }
 }
 
 /* Carries out the line. An empty one is what hosts send to end whatever stood there before. */

@@ -54,7 +54,8 @@ static axt_can_status link_send(axt_can *can, const axt_can_frame *frame) {
     }
     char line[AXT_SLCAN_LINE_MAX];
     const uint32_t now = link->carrier.milliseconds(link->carrier.context);
-    put(link, line, axt_slcan_output(&link->slcan, frame, now, line));
+    const uint32_t length = axt_slcan_output(&link->slcan, frame, now, line);
+    put(link, line, length);
     return AXT_CAN_OK;
 }
 

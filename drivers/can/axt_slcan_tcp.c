@@ -106,11 +106,14 @@ static int listen_on(const struct addrinfo *where) {
 }
 
 static uint16_t port_of(int listener) {
-    struct sockaddr_storage bound = {0};
+    union {
+        struct sockaddr any;
+        struct sockaddr_in v4;
+        struct sockaddr_in6 v6;
+    } bound = {0};
     socklen_t size = sizeof bound;
-    (void)getsockname(listener, (struct sockaddr *)&bound, &size);
-    return ntohs((bound.ss_family == AF_INET6) ? ((struct sockaddr_in6 *)&bound)->sin6_port
-                                               : ((struct sockaddr_in *)&bound)->sin_port);
+    (void)getsockname(listener, &bound.any, &size);
+    return ntohs((bound.any.sa_family == AF_INET6) ? bound.v6.sin6_port : bound.v4.sin_port);
 }
 
 axt_can_status axt_slcan_tcp_open(axt_slcan_tcp *tcp, const char *address, uint16_t port) {

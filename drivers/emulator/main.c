@@ -43,7 +43,8 @@ static bool become_realtime(int priority) {
         mlockall(MCL_CURRENT | MCL_FUTURE) == 0) {
         return true;
     }
-    fprintf(stderr, "axistwin-emulator: --realtime-priority %d: %s\n", priority, strerror(errno));
+    (void)fprintf(stderr, "axistwin-emulator: --realtime-priority %d: %s\n", priority,
+                  strerror(errno));
     return false;
 }
 
@@ -90,22 +91,23 @@ static int run(const axt_emulator_options *options, axt_node *node, axt_emulator
         .duration = options->duration,
         .stop = &stop,
     };
-    printf("axistwin-emulator: node %u on %s, %.6g Hz, stream %.6g Hz, %s\n",
-           (unsigned)options->node, bus->name, 1.0 / options->period,
-           1.0 / (options->period * options->stream_decimation),
-           options->simulated ? "simulated time" : "real time");
+    (void)printf("axistwin-emulator: node %u on %s, %.6g Hz, stream %.6g Hz, %s\n",
+                 (unsigned)options->node, bus->name, 1.0 / options->period,
+                 1.0 / (options->period * options->stream_decimation),
+                 options->simulated ? "simulated time" : "real time");
     (void)fflush(stdout);
 
     const axt_can_status status = options->simulated ? axt_emulator_run_simulated(&loop)
                                                      : axt_emulator_run_in_real_time(&loop);
     axt_node_stop(node);
-    printf("axistwin-emulator: ended after %.6g s: %llu samples, %lu overruns, %lu lost, %lu "
-           "rejected\n",
-           (double)node->n * options->period, (unsigned long long)node->n,
-           (unsigned long)node->overruns, (unsigned long)node->lost, (unsigned long)node->rejected);
+    (void)printf("axistwin-emulator: ended after %.6g s: %llu samples, %lu overruns, %lu lost, %lu "
+                 "rejected\n",
+                 (double)node->n * options->period, (unsigned long long)node->n,
+                 (unsigned long)node->overruns, (unsigned long)node->lost,
+                 (unsigned long)node->rejected);
     if (status != AXT_CAN_OK) {
-        fprintf(stderr, "axistwin-emulator: bus %s: %s\n", options->bus,
-                axt_can_status_string(status));
+        (void)fprintf(stderr, "axistwin-emulator: bus %s: %s\n", options->bus,
+                      axt_can_status_string(status));
         return EXIT_BUS;
     }
     return EXIT_FINE;
@@ -127,8 +129,8 @@ int main(int argc, char **argv) {
     const axt_can_status opened = axt_emulator_bus_open(
         &bus, options.bus, AXT_CONTRACT_COMMAND_FRAME_ID + options.node, options.bit_rate);
     if (opened != AXT_CAN_OK) {
-        fprintf(stderr, "axistwin-emulator: bus %s: %s\n", options.bus,
-                axt_can_status_string(opened));
+        (void)fprintf(stderr, "axistwin-emulator: bus %s: %s\n", options.bus,
+                      axt_can_status_string(opened));
         return EXIT_BUS;
     }
     const axt_status status = start_node(&options, &axis, bus.can, &node);
@@ -136,8 +138,9 @@ int main(int argc, char **argv) {
     if (status == AXT_OK) {
         result = run(&options, &node, &bus);
     } else {
-        fprintf(stderr, "axistwin-emulator: axis, period and encoders do not go together: %s\n",
-                axt_status_string(status));
+        (void)fprintf(stderr,
+                      "axistwin-emulator: axis, period and encoders do not go together: %s\n",
+                      axt_status_string(status));
     }
     bus.can->close(bus.can);
     return result;

@@ -121,7 +121,7 @@ static unsigned read_numbers(const char *text, double numbers[NUMBERS_MAX]) {
 }
 
 static bool complain(const char *option, const char *wanted) {
-    fprintf(stderr, "axistwin-emulator: --%s wants %s\n", option, wanted);
+    (void)fprintf(stderr, "axistwin-emulator: --%s wants %s\n", option, wanted);
     return false;
 }
 
@@ -338,8 +338,9 @@ axt_emulator_todo axt_emulator_read_options(int argc, char **argv, axt_emulator_
             return AXT_EMULATOR_EXIT;
         }
         if (option == VERSION) {
-            printf("axistwin-emulator %u.%u.%u\n", (unsigned)(AXT_NODE_FIRMWARE >> 16),
-                   (unsigned)(AXT_NODE_FIRMWARE >> 8 & 0xFF), (unsigned)(AXT_NODE_FIRMWARE & 0xFF));
+            (void)printf("axistwin-emulator %u.%u.%u\n", (unsigned)(AXT_NODE_FIRMWARE >> 16),
+                         (unsigned)(AXT_NODE_FIRMWARE >> 8 & 0xFF),
+                         (unsigned)(AXT_NODE_FIRMWARE & 0xFF));
             return AXT_EMULATOR_EXIT;
         }
         if (!read_one(option, options, &stream_rate, &wake_rate)) {
@@ -347,8 +348,8 @@ axt_emulator_todo axt_emulator_read_options(int argc, char **argv, axt_emulator_
         }
     }
     if (optind < argc) {
-        fprintf(stderr, "axistwin-emulator: '%s' is not an option; --help lists them\n",
-                argv[optind]);
+        (void)fprintf(stderr, "axistwin-emulator: '%s' is not an option; --help lists them\n",
+                      argv[optind]);
         return AXT_EMULATOR_MISUSE;
     }
     derive(options, stream_rate, wake_rate);

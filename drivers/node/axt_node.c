@@ -51,16 +51,17 @@ void axt_node_order_tick(axt_node *node, axt_node_order order, uint32_t argument
  */
 
 int16_t axt_node_quantise_torque(axt_real torque, axt_real unit, bool *limited) {
-    const axt_real most = (axt_real)INT16_MAX;
+    const int16_t most = INT16_MAX;
+    const axt_real half = (axt_real)0.5;
     const axt_real number = torque / unit;
-    *limited = number > most || number < -most;
+    *limited = number >= (axt_real)most + half || number <= -((axt_real)most + half);
     if (*limited) {
-        return (number > 0) ? INT16_MAX : -INT16_MAX;
+        return (number > 0) ? most : (int16_t)-most;
     }
     if (number >= 0) {
-        return (int16_t)(number + (axt_real)0.5);
+        return (int16_t)(number + half);
     }
-    return (number < 0) ? (int16_t)(number - (axt_real)0.5) : 0;
+    return (number < 0) ? (int16_t)(number - half) : 0; /* neither: not a number */
 }
 
 /* The counter is that of a stream that has run with this decimation since the start. */

@@ -1,0 +1,275 @@
+/* A bus of SLCAN lines over a carrier of bytes: splits, back-pressure, hosts that come and go. And
+ * the pace of a virtual bus. */
+#include "axt_can.h"
+#include "axt_can_pace.h"
+#include "axt_slcan_link.h"
+
+#include "check.h"
+
+/* A carrier whose two directions are buffers in memory. */
+typedef struct {
+    char to_node[4096];
+    uint32_t to_node_length;
+    uint32_t taken;   /* of to_node */
+    uint32_t portion; /* bytes a read or write moves at most */
+    char to_host[8192];
+    uint32_t to_host_length;
+    uint32_t room; /* in to_host */
+    bool unplugged;
+} wire;
+
+static int32_t wire_read(void *context, char *bytes, uint32_t size) {
+    wire *w = context;
+    if (w->unplugged) {
+        return AXT_CAN_CLOSED;
+    }
+    uint32_t count = w->to_node_length - w->taken;
+    count = (count < size) ? count : size;
+    count = (count < w->portion) ? count : w->portion;
+    memcpy(bytes, w->to_node + w->taken, count);
+    w->taken += count;
+    return (int32_t)count;
+}
+
+static int32_t wire_write(void *context, const char *bytes, uint32_t size) {
+    wire *w = context;
+    if (w->unplugged) {
+        return AXT_CAN_CLOSED;
+    }
+    uint32_t count = (size < w->room) ? size : w->room;
+    count = (count < w->portion) ? count : w->portion;
+    memcpy(w->to_host + w->to_host_length, bytes, count);
+    w->to_host_length += count;
+    w->room -= count;
+    return (int32_t)count;
+}
+
+static uint32_t wire_milliseconds(void *context) {
+    (void)context;
+    return 0;
+}
+
+static void connect(axt_slcan_link *link, wire *w, uint32_t portion) {
+    memset(w, 0, sizeof *w);
+    w->portion = portion;
+    w->room = sizeof w->to_host;
+    const axt_slcan_carrier carrier = {
+        .read = wire_read, .write = wire_write, .milliseconds = wire_milliseconds, .context = w};
+    axt_slcan_link_init(link, &carrier);
+}
+
+static void host_writes(wire *w, const char *text) {
+    memcpy(w->to_node + w->to_node_length, text, strlen(text));
+    w->to_node_length += (uint32_t)strlen(text);
+}
+
+static bool host_has(const wire *w, const char *text) {
+    return w->to_host_length == strlen(text) && memcmp(w->to_host, text, strlen(text)) == 0;
+}
+
+CASE(lines_may_be_split_anywhere) {
+    static const char session[] = "\r\rC\rS8\rO\rt2018010203040506AABB\rr1230\rT000000011FF\rV\r";
+    for (uint32_t portion = 1; portion <= sizeof session; portion++) {
+        axt_slcan_link link;
+        wire w;
+        connect(&link, &w, portion);
+        host_writes(&w, session);
+        axt_can_frame frames[4] = {0};
+        uint32_t count = 0;
+        for (int i = 0; i < 300; i++) {
+            axt_can_frame frame;
+            if (link.can.receive(&link.can, &frame) == AXT_CAN_OK && count < 4) {
+                frames[count] = frame;
+                count++;
+            }
+        }
+        CHECK_EQUAL(count, 3);
+        CHECK_EQUAL(frames[0].id, 0x201);
+        CHECK_EQUAL(frames[0].length, 8);
+        CHECK_EQUAL(frames[0].data[7], 0xBB);
+        CHECK_EQUAL(frames[1].id, 0x123 | AXT_CAN_REMOTE);
+        CHECK_EQUAL(frames[2].id, 1 | AXT_CAN_EXTENDED);
+        CHECK(host_has(&w, "\r\r\a\r\rz\rz\rZ\rV1010\r"));
+    }
+}
+
+CASE(frames_find_nobody_until_the_channel_is_open) {
+    axt_slcan_link link;
+    wire w;
+    connect(&link, &w, 100);
+    const axt_can_frame frame = {.id = 0x181, .length = 2, .data = {0x12, 0x34}};
+    axt_can_frame received;
+    CHECK_EQUAL(link.can.send(&link.can, &frame), AXT_CAN_CLOSED);
+    host_writes(&w, "O\r");
+    CHECK_EQUAL(link.can.receive(&link.can, &received), AXT_CAN_WOULD_BLOCK);
+    CHECK_EQUAL(link.can.send(&link.can, &frame), AXT_CAN_OK);
+    CHECK_EQUAL(link.can.receive(&link.can, &received), AXT_CAN_WOULD_BLOCK);
+    CHECK(host_has(&w, "\rt18121234\r"));
+    const axt_can_frame too_long = {.length = 9};
+    CHECK_EQUAL(link.can.send(&link.can, &too_long), AXT_CAN_ERROR_FRAME);
+}
+
+/* A host that stops reading blocks the bus, loses nothing that was accepted, and sees the flag. */
+CASE(a_full_carrier_blocks_and_loses_nothing) {
+    axt_slcan_link link;
+    wire w;
+    connect(&link, &w, 1000);
+    host_writes(&w, "O\r");
+    axt_can_frame received;
+    (void)link.can.receive(&link.can, &received);
+    (void)link.can.receive(&link.can, &received);
+    CHECK(host_has(&w, "\r"));
+    w.to_host_length = 0;
+    w.room = 0;
+    uint32_t accepted = 0;
+    axt_can_frame frame = {.id = 0x181, .length = 1};
+    while (link.can.send(&link.can, &frame) == AXT_CAN_OK && accepted < 1000) {
+        accepted++;
+        frame.data[0]++;
+    }
+    CHECK(accepted > 10 && accepted < 1000);
+    CHECK_EQUAL(link.can.send(&link.can, &frame), AXT_CAN_WOULD_BLOCK);
+    w.room = sizeof w.to_host;
+    (void)link.can.receive(&link.can, &received);
+    (void)link.can.receive(&link.can, &received);
+    CHECK_EQUAL(w.to_host_length, 8 * accepted);
+    for (uint32_t i = 0; i < accepted; i++) {
+        char expected[16];
+        (void)snprintf(expected, sizeof expected, "t1811%02X\r", i);
+        CHECK(memcmp(w.to_host + (size_t)8 * i, expected, 8) == 0);
+    }
+    w.to_host_length = 0;
+    host_writes(&w, "F\r");
+    (void)link.can.receive(&link.can, &received);
+    (void)link.can.receive(&link.can, &received);
+    CHECK(host_has(&w, "F01\r"));
+}
+
+/* A host that asks and does not read the answers has to wait; nothing overflows. */
+CASE(answers_wait_for_room) {
+    axt_slcan_link link;
+    wire w;
+    connect(&link, &w, 1000);
+    w.room = 0;
+    axt_can_frame received;
+    for (int i = 0; i < 1000; i++) {
+        host_writes(&w, "V\r");
+    }
+    for (int i = 0; i < 100; i++) {
+        CHECK_EQUAL(link.can.receive(&link.can, &received), AXT_CAN_WOULD_BLOCK);
+    }
+    CHECK(w.taken < w.to_node_length);
+    w.room = sizeof w.to_host;
+    for (int i = 0; i < 100; i++) {
+        (void)link.can.receive(&link.can, &received);
+    }
+    CHECK_EQUAL(w.to_host_length, 6000);
+}
+
+CASE(the_next_host_finds_an_adapter_just_plugged_in) {
+    axt_slcan_link link;
+    wire w;
+    connect(&link, &w, 100);
+    const axt_can_frame frame = {.id = 0x181};
+    axt_can_frame received;
+    host_writes(&w, "Z1\rO\rt12");
+    (void)link.can.receive(&link.can, &received);
+    CHECK_EQUAL(link.can.send(&link.can, &frame), AXT_CAN_OK);
+    w.unplugged = true;
+    CHECK_EQUAL(link.can.receive(&link.can, &received), AXT_CAN_CLOSED);
+    CHECK_EQUAL(link.can.send(&link.can, &frame), AXT_CAN_CLOSED);
+    w.unplugged = false;
+    w.to_host_length = 0;
+    host_writes(&w, "O\r");
+    (void)link.can.receive(&link.can, &received);
+    (void)link.can.receive(&link.can, &received);
+    CHECK(host_has(&w, "\r")); /* neither the frame nor the rest of a line is left over */
+    CHECK_EQUAL(link.can.send(&link.can, &frame), AXT_CAN_OK);
+    (void)link.can.receive(&link.can, &received);
+    CHECK(host_has(&w, "\rt1810\r"));
+}
+
+/* ISO 11898-1: 44 bits and 8 a byte from start to end of frame, 3 between frames, at most one stuff
+ * bit for every four after the first of the 34 and 8 a byte that are stuffed. */
+CASE(a_frame_takes_its_longest_time) {
+    const axt_can_frame longest = {.id = 0x181, .length = 8};
+    const axt_can_frame empty = {.id = 0x181, .length = 0};
+    const axt_can_frame remote = {.id = 0x181 | AXT_CAN_REMOTE, .length = 8};
+    const axt_can_frame extended = {.id = 0x181 | AXT_CAN_EXTENDED, .length = 8};
+    CHECK_EQUAL(axt_can_frame_bits(&longest), 44 + 64 + 3 + 24);
+    CHECK_EQUAL(axt_can_frame_bits(&empty), 44 + 3 + 8);
+    CHECK_EQUAL(axt_can_frame_bits(&remote), 44 + 3 + 8);
+    CHECK_EQUAL(axt_can_frame_bits(&extended), 64 + 64 + 3 + 29);
+}
+
+static uint32_t sent_in(axt_can_pace *pace, wire *w, uint32_t steps, uint64_t nanoseconds) {
+    const axt_can_frame frame = {.id = 0x181, .length = 8};
+    axt_can_frame received;
+    uint32_t sent = 0;
+    for (uint32_t i = 0; i < steps; i++) {
+        axt_can_pace_elapse(pace, nanoseconds);
+        while (pace->can.send(&pace->can, &frame) == AXT_CAN_OK) {
+            sent++;
+        }
+        (void)pace->can.receive(&pace->can, &received);
+        w->to_host_length = 0;
+        w->room = sizeof w->to_host;
+    }
+    return sent;
+}
+
+CASE(a_paced_bus_carries_what_its_bit_rate_allows) {
+    static const uint32_t bit_rates[] = {1000, 125000, 1000000};
+    for (int i = 0; i < 3; i++) {
+        axt_slcan_link link;
+        axt_can_pace pace;
+        wire w;
+        connect(&link, &w, 4096);
+        host_writes(&w, "O\r");
+        axt_can_frame received;
+        (void)link.can.receive(&link.can, &received);
+        axt_can_pace_init(&pace, &link.can, bit_rates[i]);
+        CHECK_NEAR(sent_in(&pace, &w, 10000, 1000000), 10.0 * bit_rates[i] / 135, 1);
+        /* a pause is not made up for by more than 10 ms of the bus, or a frame */
+        axt_can_pace_elapse(&pace, UINT64_MAX);
+        CHECK(sent_in(&pace, &w, 1, 1) <= 1 + bit_rates[i] / 100 / 135);
+    }
+}
+
+CASE(a_closed_bus_takes_no_time) {
+    axt_slcan_link link;
+    axt_can_pace pace;
+    wire w;
+    connect(&link, &w, 4096);
+    axt_can_pace_init(&pace, &link.can, 1000000);
+    axt_can_pace_elapse(&pace, 1000000);
+    const axt_can_frame frame = {.id = 0x181, .length = 8};
+    for (int i = 0; i < 100; i++) {
+        CHECK_EQUAL(pace.can.send(&pace.can, &frame), AXT_CAN_CLOSED);
+    }
+}
+
+CASE(every_status_has_a_line_of_its_own) {
+    for (int a = 0; a >= AXT_CAN_ERROR_PERMISSION; a--) {
+        const char *line = axt_can_status_string((axt_can_status)a);
+        CHECK(strlen(line) > 0 && strchr(line, '\n') == NULL);
+        CHECK(strcmp(line, "unknown status") != 0);
+        for (int b = 0; b > a; b--) {
+            CHECK(strcmp(line, axt_can_status_string((axt_can_status)b)) != 0);
+        }
+    }
+    CHECK(strcmp(axt_can_status_string((axt_can_status)-100), "unknown status") == 0);
+}
+
+int main(void) {
+    RUN(lines_may_be_split_anywhere);
+    RUN(frames_find_nobody_until_the_channel_is_open);
+    RUN(a_full_carrier_blocks_and_loses_nothing);
+    RUN(answers_wait_for_room);
+    RUN(the_next_host_finds_an_adapter_just_plugged_in);
+    RUN(a_frame_takes_its_longest_time);
+    RUN(a_paced_bus_carries_what_its_bit_rate_allows);
+    RUN(a_closed_bus_takes_no_time);
+    RUN(every_status_has_a_line_of_its_own);
+    return REPORT();
+}
