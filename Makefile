@@ -217,3 +217,15 @@ install: $(REALS:%=$(BUILD)/gcc-%/libaxistwin.a) $(BUILD)/axistwin-emulator ## l
 
 clean: ## remove what was built (not .venv)
 	rm -rf $(BUILD)
+
+# ---- Bench: what the core costs and survives ------------------------------------------------------
+
+PACKAGES_bench := gcc gcc-arm-none-eabi picolibc-arm-none-eabi qemu-system-arm valgrind
+
+$(VENV)/.bench: tests/tools/constraints.txt | $(VENV)/.build-tools
+	$(PIP) numpy scipy padasip filterpy
+	touch $@
+
+.PHONY: bench
+bench: $(BUILD)/packages-build $(BUILD)/packages-bench $(VENV)/.bench ## cost and survival beside their targets (build/bench.json); PART=instructions.cortex-m4f: only that
+	CORE_FLAGS="$(CORE_FLAGS)" PYTHONPATH=tests/tools $(VENV)/bin/python tests/bench/bench.py $(PART)

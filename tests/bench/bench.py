@@ -1,0 +1,301 @@
+"""The bench: what the core costs and what it survives, beside what was asked of it.
+
+    bench.py [PART ...]
+
+Without PART everything is measured and build/bench.json written (a few minutes). A PART measures
+only that, in seconds, and writes nothing: `instructions`, `bytes`, `survival`, `host`, or one of
+their members, such as `instructions.cortex-m4f` or `survival.collinear_raw`.
+
+Instructions are counted one call at a time: `mean` is over normal running, `max` over everything
+that can happen, standing still and samples that are not numbers included. The exit status is 1 when
+something could not be measured; what was measured and misses its target is marked in the tables.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import footprint
+import instructions
+import speed
+import survival
+from toolchain import BOARDS, HOST, TARGETS, BenchError, run
+
+OUTPUT = Path("build/bench.json")
+PARTS = ("instructions", "bytes", "survival", "host")
+
+Figures = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What is asked of a figure: at most this."""
+
+    path: tuple[str, ...]
+    most: float
+
+
+M4F = ("instructions", "cortex-m4f")
+SPREAD = 0.2
+LIMITS = [
+    Limit((*M4F, "rls_5x4", "max"), 300),
+    Limit((*M4F, "rls_3x2", "max"), 130),
+    Limit((*M4F, "plant_ideal", "max"), 60),
+    Limit((*M4F, "control_tick", "max"), 600),
+    *(
+        Limit((*M4F, what, "spread"), SPREAD)
+        for what in ("rls_5x4", "rls_3x2", "plant_ideal", "control_tick")
+    ),
+    Limit(("bytes", "cortex-m4f", "text"), 2048),
+    Limit(("bytes", "cortex-m4f", "state"), 256),
+    Limit(("bytes", "cortex-m4f", "stack"), 256),
+    Limit(("survival", "collinear_raw", "error"), 5e-3),
+    Limit(("survival", "collinear_made_up", "error"), 5e-3),
+    Limit(("survival", "collinear_axis_3x2", "error"), 1e-5),
+    Limit(("survival", "collinear_axis_5x4", "error"), 1e-5),
+]
+
+# Public C implementations of recursive least squares, float32, Cortex-M4F at -O2, measured by us:
+# outputs, instructions a step, parameters after 1e6 steps of standstill with lambda 0.995, error
+# with regressors collinear to 1e-4.
+PUBLIC = (
+    ("CControl recursive", 1, 2104, "NaN", "NaN"),
+    ("PX4 ArxRls", 1, 2993, "NaN", "NaN"),
+    ("RLSFilter (Eigen)", 1, 1464, "NaN", "2.7e7"),
+    ("numerical-toolbox RecursiveLeastSquares", 1, 924, "NaN", "4e5"),
+    ("indiflight rlsParallelNewSample", 4, 1406, "finite, 0.63 transient", "NaN"),
+    ("libinertial kalman_udu_scalar (UD)", 1, 675, "NaN", "5e-3"),
+    ("rombrew/lse (Givens)", 4, 1408, "forgets everything", "9e-3"),
+)
+
+
+class Selection:
+    """Which parts the command line asks for; all when it names none."""
+
+    def __init__(self, parts: list[str]) -> None:
+        for part in parts:
+            if part.split(".")[0] not in PARTS:
+                raise BenchError(f"no part {part}; there are {', '.join(PARTS)}")
+        self.parts = parts
+        self.taken: set[str] = set()
+
+    def wants(self, *path: str) -> bool:
+        """Whether this member, or one inside it, is to be measured."""
+        name = ".".join(path)
+        for part in self.parts:
+            if f"{name}.".startswith(f"{part}."):
+                self.taken.add(part)
+                return True
+        return not self.parts
+
+    def wants_inside(self, name: str) -> bool:
+        """Whether any member of this part is to be measured."""
+        return not self.parts or any(part.split(".")[0] == name for part in self.parts)
+
+    def check_all_taken(self) -> None:
+        """Raises BenchError when the command line named something that does not exist."""
+        if unknown := sorted(set(self.parts) - self.taken):
+            raise BenchError(f"nothing is called {', '.join(unknown)}")
+
+
+def measure_targets(selection: Selection) -> Iterator[tuple[str, str, Figures]]:
+    """Instructions and bytes: part, target, figures."""
+    for target in TARGETS:
+        count, weigh = (selection.wants(part, target) for part in ("instructions", "bytes"))
+        if not count and not weigh:
+            continue
+        measured = instructions.measure(target)
+        if count:
+            yield "instructions", target, measured.instructions
+        if weigh:
+            on_update = {name: measured.stack.get(name, 0) for name in footprint.UPDATES}
+            yield "bytes", target, footprint.measure(target, on_update)
+
+
+def measure(selection: Selection) -> Figures:
+    """Everything that was asked for, as bench.json holds it."""
+    figures: Figures = {}
+    for part, target, values in measure_targets(selection):
+        figures.setdefault(part, {})[target] = values
+    if selection.wants_inside("host"):
+        core = speed.library()
+        wanted = [what for what in speed.PEERS if selection.wants("host", what)]
+        figures["host"] = {what: speed.compare(core, what) for what in wanted}
+        figures["nanoseconds"] = {HOST: speed.step_times(core)}
+    if selection.wants_inside("survival"):
+        program = survival.program()
+        wanted = [case for case in survival.cases(program) if selection.wants("survival", case)]
+        figures["survival"] = survival.measure(program, wanted)
+    selection.check_all_taken()
+    return figures
+
+
+def survival_limits(figures: Figures) -> list[Limit]:
+    """What is asked of every case, and of standing still.
+
+    Unmoved: by no more than the error there was before. Converged again: to within twice that.
+    Float32 itself is off by 1e-6.
+    """
+    limits = []
+    for case, values in figures.get("survival", {}).items():
+        if "error_before" in values and values["error_before"] is not None:
+            before = max(values["error_before"], 1e-6)
+            limits.append(Limit(("survival", case, "moved"), before))
+            limits.append(Limit(("survival", case, "error"), 2 * before))
+            limits.append(Limit(("survival", case, "variance_to_prior"), 1.0 + 1e-6))
+    return limits
+
+
+def lookup(figures: Figures, path: tuple[str, ...]) -> Any:
+    """The figure at a path; KeyError when it was not measured."""
+    value: Any = figures
+    for name in path:
+        value = value[name]
+    return value
+
+
+class Judgement:
+    """Figures against limits."""
+
+    def __init__(self, figures: Figures) -> None:
+        self.limits = {limit.path: limit.most for limit in [*LIMITS, *survival_limits(figures)]}
+        self.judged: dict[str, dict[str, Any]] = {}
+        for path, most in self.limits.items():
+            try:
+                value = lookup(figures, path)
+            except KeyError:
+                continue
+            met = value is not None and value <= most
+            self.judged[".".join(path)] = {"value": value, "most": most, "met": met}
+        for case, values in figures.get("survival", {}).items():
+            path_of_case = f"survival.{case}.finite"
+            self.judged[path_of_case] = {
+                "value": values["finite"],
+                "most": None,
+                "met": values["finite"],
+            }
+
+    def missed(self) -> list[str]:
+        """Paths of the figures that miss."""
+        return [path for path, one in self.judged.items() if not one["met"]]
+
+    def mark(self, *path: str) -> str:
+        """The limit of a figure and whether it is met; empty without one."""
+        one = self.judged.get(".".join(path))
+        if one is None or one["most"] is None:
+            return ""
+        return f"<= {one['most']:.4g}{'' if one['met'] else '  MISSED'}"
+
+
+def print_instructions(figures: Figures, judgement: Judgement) -> None:
+    """One table a target."""
+    for target, values in figures.items():
+        where = (
+            f"QEMU {BOARDS[target].machine}, {BOARDS[target].processor}"
+            if target in BOARDS
+            else "callgrind"
+        )
+        print(f"\ninstructions, {target} ({where})")
+        print(f"  {'':<20}{'mean':>10}{'max':>8}{'spread':>8}  asked of max")
+        for what, one in sorted(values.items()):
+            path = ("instructions", target, what)
+            spread = judgement.mark(*path, "spread")
+            print(
+                f"  {what:<20}{one['mean']:>10.1f}{one['max']:>8}{100 * one['spread']:>7.1f}%"
+                f"  {judgement.mark(*path, 'max')}"
+                f"{'  SPREAD MISSED' if 'MISSED' in spread else ''}"
+            )
+
+
+def print_bytes(figures: Figures, judgement: Judgement) -> None:
+    """One column a target."""
+    print(f"\n{'bytes of the estimator':<24}" + "".join(f"{target:>16}" for target in figures))
+    for what in next(iter(figures.values())):
+        row = "".join(f"{values[what]:>16}" for values in figures.values())
+        print(f"  {what:<22}{row}  {judgement.mark('bytes', 'cortex-m4f', what)}")
+
+
+def print_survival(figures: Figures, judgement: Judgement) -> None:
+    """One line a figure of a case."""
+    print("\nsurvival, float32")
+    for case, values in figures.items():
+        finite = "finite" if values["finite"] else "NOT FINITE  MISSED"
+        print(f"  {case:<24}{values['steps']:>14,.0f} steps, {finite}")
+        for name, value in values.items():
+            if name not in ("steps", "finite"):
+                shown = "none" if value is None else f"{value:.2g}"
+                print(f"    {name:<22}{shown:>14}  {judgement.mark('survival', case, name)}")
+
+
+def print_host(figures: Figures) -> None:
+    """One line a peer."""
+    print(f"\n{'time a step, this machine':<52}{'ours':>10}{'theirs':>12}{'ratio':>8}")
+    for what, one in figures.items():
+        print(
+            f"  {what:<18}{one['peer_name']:<32}{one['ours']:>7.1f} ns{one['peer']:>9.0f} ns"
+            f"{one['ratio']:>8.1f}"
+        )
+
+
+def print_public() -> None:
+    """The implementations to compare with."""
+    print("\npublic C implementations of RLS, float32, Cortex-M4F at -O2")
+    print(f"  {'':<42}{'outputs':>7}{'instr':>7}  {'standstill 1e6':<24}collinear 1e-4")
+    for name, outputs, count, standstill, collinear in PUBLIC:
+        print(f"  {name:<42}{outputs:>7}{count:>7}  {standstill:<24}{collinear}")
+
+
+def print_all(figures: Figures, judgement: Judgement) -> None:
+    """Everything that was measured, as a person reads it."""
+    if "instructions" in figures:
+        print_instructions(figures["instructions"], judgement)
+        print_public()
+    if "bytes" in figures:
+        print_bytes(figures["bytes"], judgement)
+    if "nanoseconds" in figures:
+        print("\nnanoseconds a step, this machine, the core's own loops")
+        for what, value in figures["nanoseconds"][HOST].items():
+            print(f"  {what:<20}{value:>8.1f}")
+    if figures.get("host"):
+        print_host(figures["host"])
+    if "survival" in figures:
+        print_survival(figures["survival"], judgement)
+    missed = judgement.missed()
+    print(f"\n{len(judgement.judged) - len(missed)} of {len(judgement.judged)} targets met")
+    for path in missed:
+        print(f"  missed: {path}")
+
+
+def tools() -> dict[str, str]:
+    """Versions of what the figures depend on."""
+    commands = ("arm-none-eabi-gcc", "gcc", "qemu-system-arm", "valgrind")
+    return {command: run([command, "--version"]).splitlines()[0] for command in commands}
+
+
+def main() -> int:
+    """Command line; 0 when everything asked for was measured, 1 otherwise, 2 usage."""
+    arguments = sys.argv[1:]
+    if any(argument.startswith("-") for argument in arguments):
+        print(__doc__)
+        return 0 if arguments in (["-h"], ["--help"]) else 2
+    try:
+        figures = measure(Selection(arguments))
+        judgement = Judgement(figures)
+        print_all(figures, judgement)
+        if not arguments:
+            everything = {**figures, "targets": judgement.judged, "tools": tools()}
+            OUTPUT.write_text(json.dumps(everything, indent=1) + "\n", encoding="utf-8")
+            print(f"written: {OUTPUT}")
+    except BenchError as error:
+        print(f"bench: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
