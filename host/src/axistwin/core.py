@@ -139,7 +139,7 @@ class Estimate:
     """What the identification says, with standard errors.
 
     ``valid`` says which of I1, I2, B, K can be relied on; modal values need all of them.
-    ``samples`` is how many were taken into account.
+    ``samples`` is how many were taken into account, None when that is unknown.
     """
 
     axis: Axis
@@ -147,7 +147,7 @@ class Estimate:
     axis_error: Axis
     modal_error: Modal
     valid: tuple[bool, bool, bool, bool]
-    samples: int
+    samples: int | None = None
 
 
 @dataclass(frozen=True)

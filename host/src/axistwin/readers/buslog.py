@@ -1,0 +1,63 @@
+"""Records as bus logs: whatever python-can reads, decoded by the wire contract."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+from can.io.player import MESSAGE_READERS
+
+from axistwin.contract import Contract
+from axistwin.errors import InputError
+from axistwin.frames import Frames, Settings, decode
+from axistwin.record import Record
+
+_CSV_HEADER = "timestamp,arbitration_id"
+
+
+def endings() -> tuple[str, ...]:
+    """Endings of the names of files that python-can reads."""
+    return (*MESSAGE_READERS, ".gz")
+
+
+def is_csv_log(path: Path) -> bool:
+    """Is this CSV file one that python-can wrote?"""
+    with path.open("rb") as file:
+        return file.read(len(_CSV_HEADER)) == _CSV_HEADER.encode()
+
+
+def read(path: Path, contract: Contract, settings: Settings, part: str | None) -> Record:
+    """The record in a bus log; see axistwin.frames.decode(). Raises InputError."""
+    frames, damage = read_frames(path)
+    return decode(frames, contract, str(path), settings, part, damage)
+
+
+def read_frames(path: Path) -> tuple[Frames, tuple[str, ...]]:
+    """All frames of a bus log, and a warning if it ends in something that cannot be read.
+
+    Raises InputError when there is nothing to be read at all.
+    """
+    damage: list[str] = []
+    frames = Frames.of(_messages(path, damage))
+    if len(frames) == 0 and frames.errors == 0:
+        reason = damage[0] if damage else "it holds no classical frames with 11-bit ids"
+        raise InputError(f"cannot read {path}: {reason}")
+    return frames, tuple(damage)
+
+
+def _messages(path: Path, damage: list[str]) -> Iterator[can.Message]:
+    """The messages of a bus log up to its end, or to where it is damaged."""
+    count = 0
+    try:
+        with can.LogReader(path) as reader:
+            for message in reader:
+                yield message
+                count += 1
+    except Exception as error:  # each of python-can's readers stumbles in its own way
+        reason = " ".join(str(error).split())[:100] or type(error).__name__
+        damage.append(
+            f"the log is damaged after {count} frames ({reason}): what follows is left out"
+            if count > 0
+            else reason
+        )
