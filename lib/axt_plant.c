@@ -41,11 +41,13 @@ axt_status axt_plant_init(axt_plant *plant, const axt_axis *axis, axt_real time_
     }
     const axt_real alpha = newmark->alpha;
     const axt_real delta = newmark->delta;
-    const bool step_in_range =
-        time_step >= AXT_R(1e-7) && time_step <= AXT_R(1) && modal.wn * time_step <= AXT_R(1e3);
+    const axt_real x = modal.wn * time_step;
+    const bool step_in_range = time_step >= AXT_R(1e-7) && time_step <= AXT_R(1) && x <= AXT_R(1e3);
     const bool newmark_in_range =
         alpha >= AXT_R(0.01) && alpha <= AXT_R(1) && delta >= AXT_R(0.5) && delta <= AXT_R(1);
-    if (!step_in_range || !newmark_in_range) {
+    /* that of the undamped axis; damping only widens it */
+    const bool stable = (AXT_R(0.5) * delta - alpha) * x * x < AXT_R(1);
+    if (!step_in_range || !newmark_in_range || !stable) {
         return AXT_ERROR_RANGE;
     }
 

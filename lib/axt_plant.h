@@ -72,8 +72,9 @@ typedef struct {
 } axt_plant;
 
 /* The axis at rest at angle 0 with torque 0 acting: everything is zero.
- * `time_step` [s]: 1e-7 .. 1, and wn Dt <= 1e3. Fails as axt_axis_check(), or with AXT_ERROR_RANGE;
- * `plant` is then unchanged. Cost: a dozen divisions. */
+ * `time_step` [s]: 1e-7 .. 1, wn Dt <= 1e3 and, where alpha < delta / 2, below the method's limit
+ * of stability, (wn Dt)^2 (delta / 2 - alpha) < 1. Fails as axt_axis_check(), or with
+ * AXT_ERROR_RANGE; `plant` is then unchanged. Cost: a dozen divisions. */
 axt_status axt_plant_init(axt_plant *plant, const axt_axis *axis, axt_real time_step,
                           const axt_newmark *newmark);
 
