@@ -24,12 +24,12 @@ typedef long double wide;
 
 #define COUNT_OF(array) (sizeof(array) / sizeof((array)[0]))
 
-/* Sanitizers make the code some 20 times slower, so long runs are shortened under them. */
+/* Sanitizers make the code several times slower, so long runs are shortened under them. */
 #if defined(__SANITIZE_ADDRESS__)
-#define SHORTENED 50
+#define SHORTENED 10
 #elif defined(__has_feature)
 #if __has_feature(address_sanitizer)
-#define SHORTENED 50
+#define SHORTENED 10
 #endif
 #endif
 #ifndef SHORTENED
