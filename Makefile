@@ -76,6 +76,8 @@ $(CONTRACT)/axt_contract.c $(CONTRACT)/axt_contract.h &: drivers/contract/axistw
 		drivers/contract/generate.py | $(VENV)/.build-tools
 	$(VENV)/bin/python drivers/contract/generate.py --code $(CONTRACT)
 
+run-programs = status=$(if $^,0,1); for program in $^; do $$program || status=1; done; exit $$status
+
 # $(call variant,NAME,COMPILER,PACKAGES,FLAGS)
 define variant
 $(BUILD)/$1/lib/%.o: lib/%.c Makefile | $(BUILD)/packages-$3
@@ -106,7 +108,7 @@ $(BUILD)/$1/unit/%: tests/unit/%.c $(BUILD)/$1/libdrivers.a $(BUILD)/$1/libaxist
 	$2 $$(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE $4 $$(filter-out %.h,$$^) -lm -o $$@
 
 unit-$1: $(UNITS:%=$(BUILD)/$1/unit/%)
-	status=$$(if $$^,0,1); for program in $$^; do $$$$program || status=1; done; exit $$$$status
+	$$(run-programs)
 
 -include $(wildcard $(BUILD)/$1/*/*.d $(BUILD)/$1/*/*/*.d)
 endef
@@ -119,6 +121,12 @@ $(foreach real,$(REALS),\
     $(eval $(call variant,gcc-$(real),$(GCC),build,-DAXT_REAL=$(real)))\
     $(eval $(call variant,clang-$(real),$(CLANG),check,-DAXT_REAL=$(real)))\
     $(eval $(call variant,sanitized-$(real),$(GCC),build,-DAXT_REAL=$(real) $(SANITIZE))))
+
+# The node hands over between two threads without a lock: a data race is a failure.
+$(eval $(call variant,racing,$(GCC),build,-fsanitize=thread))
+
+races: $(patsubst %,$(BUILD)/racing/unit/%,$(filter %_threads,$(UNITS)))
+	$(run-programs)
 
 %.a:
 	rm -f $@
@@ -142,7 +150,7 @@ PY_CODE := host drivers tests
 SCRIPTS := $(filter-out %.py %.txt,$(wildcard tests/tools/*)) .ci/run
 QUICK   := $(addprefix unit-,gcc-float gcc-double) host-tests \
            $(addprefix lint-,ruff ruff-format mypy clang-format clang-tidy cppcheck shellcheck) wire-page
-ALL     := $(QUICK) $(filter-out $(QUICK),$(VARIANTS:%=unit-%)) size installed hil
+ALL     := $(QUICK) $(filter-out $(QUICK),$(VARIANTS:%=unit-%)) races size installed hil
 
 .PHONY: $(ALL)
 

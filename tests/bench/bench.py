@@ -72,6 +72,7 @@ PUBLIC = (
     ("libinertial kalman_udu_scalar (UD)", 1, 675, "NaN", "5e-3"),
     ("rombrew/lse (Givens)", 4, 1408, "forgets everything", "9e-3"),
 )
+PUBLIC_COLUMNS = ("name", "outputs", "instructions", "standstill", "collinear")
 
 
 class Selection:
@@ -234,10 +235,10 @@ def print_survival(figures: Figures, judgement: Judgement) -> None:
 
 def print_host(figures: Figures) -> None:
     """One line a peer."""
-    print(f"\n{'time a step, this machine':<52}{'ours':>10}{'theirs':>12}{'ratio':>8}")
+    print(f"\n{'time a step, this machine':<58}{'ours':>10}{'theirs':>12}{'ratio':>8}")
     for what, one in figures.items():
         print(
-            f"  {what:<18}{one['peer_name']:<32}{one['ours']:>7.1f} ns{one['peer']:>9.0f} ns"
+            f"  {what:<18}{one['peer_name']:<38}{one['ours']:>7.1f} ns{one['peer']:>9.0f} ns"
             f"{one['ratio']:>8.1f}"
         )
 
@@ -288,7 +289,12 @@ def main() -> int:
         judgement = Judgement(figures)
         print_all(figures, judgement)
         if not arguments:
-            everything = {**figures, "targets": judgement.judged, "tools": tools()}
+            everything = {
+                **figures,
+                "targets": judgement.judged,
+                "public": [dict(zip(PUBLIC_COLUMNS, row, strict=True)) for row in PUBLIC],
+                "tools": tools(),
+            }
             OUTPUT.write_text(json.dumps(everything, indent=1) + "\n", encoding="utf-8")
             print(f"written: {OUTPUT}")
     except BenchError as error:

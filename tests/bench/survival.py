@@ -32,7 +32,7 @@ def run_case(survival: Path, case: str) -> dict[str, float | bool | None]:
     measured: dict[str, float | bool | None] = {}
     for name, text in (line.split() for line in lines):
         measured[name] = figure(text)
-    return {**measured, "finite": measured["finite"] == 1}
+    return {**measured, "steps": int(measured["steps"] or 0), "finite": measured["finite"] == 1}
 
 
 def measure(survival: Path, names: list[str]) -> dict[str, dict[str, float | bool | None]]:
