@@ -16,8 +16,9 @@
 typedef enum { AXT_ENCODER_MOTOR = 0, AXT_ENCODER_TABLE = 1 } axt_encoder_place;
 
 /* The reading of an encoder with `counts_per_turn` (1 .. 2^24) while the axis is at `motion`: the
- * nearest count, turns included. Exact to 1e-6 counts however far the axis has travelled. Cost:
- * about 30 operations. AXT_ERROR_RANGE or AXT_ERROR_NOT_FINITE leave `count` unchanged. */
+ * nearest count, turns included, however far the axis has travelled: to 1e-6 counts at the motor,
+ * and at the table to the rounding of the twist. Cost: about 30 operations. AXT_ERROR_RANGE or
+ * AXT_ERROR_NOT_FINITE leave `count` unchanged. */
 axt_status axt_encoder_read(uint32_t counts_per_turn, const axt_motion *motion,
                             axt_encoder_place place, int32_t *count);
 
