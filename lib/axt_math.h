@@ -87,6 +87,14 @@ static inline bool axt_finite(axt_real x) {
     return axt_abs(x) <= AXT_REAL_MAX;
 }
 
+/* For short loops over arrays of a size known at compile time: unrolled, with constants for what
+ * depends on it, they keep the arrays in registers. */
+#define AXT_UNROLL   _Pragma("GCC unroll 5")
+#define AXT_UNROLLED static inline __attribute__((always_inline))
+
+/* For the branches of a dispatcher: each saves only the registers it needs itself. */
+#define AXT_SEPARATE static __attribute__((noinline))
+
 /* a + b on a register that wraps around at 32 bits, as an encoder's does. */
 static inline int32_t axt_wrap_add(int32_t a, int32_t b) {
     return (int32_t)((uint32_t)a + (uint32_t)b);

@@ -32,11 +32,12 @@ enum { AXT_RLS_INPUTS_MAX = 5, AXT_RLS_OUTPUTS_MAX = 4, AXT_RLS_FACTORS_MAX = 15
 typedef struct {
     axt_real theta[AXT_RLS_OUTPUTS_MAX][AXT_RLS_INPUTS_MAX]; /* theta[output][input] */
     axt_real
-        factor[AXT_RLS_FACTORS_MAX]; /* upper triangle by rows: D on the diagonal, U above it */
+        factor[AXT_RLS_FACTORS_MAX]; /* upper triangle by columns: D on the diagonal, U above */
     axt_real innovation[AXT_RLS_OUTPUTS_MAX]; /* of the last update */
     axt_real certainty;  /* 1 / (1 + phi' P phi) of the last update: innovation x certainty
                             is the residual that is left after it */
     axt_real forgetting; /* lambda */
+    axt_real lost;       /* l = inputs (1 - lambda) */
     axt_real prior;      /* D at the start: P starts as prior x I */
     uint32_t inputs;
     uint32_t outputs;
@@ -53,8 +54,9 @@ axt_status axt_rls_init(axt_rls *rls, uint32_t inputs, uint32_t outputs, axt_rea
 void axt_rls_reset(axt_rls *rls);
 
 /* One sample: phi[inputs], y[outputs], scaled to about 1. Cost for 5 x 4: 104 multiply-adds and 7
- * divisions; for 3 x 2: 38 and 5. AXT_ERROR_NOT_FINITE, or AXT_ERROR_RANGE when phi' P phi exceeds
- * 1e18 or the innovations 1e12: counted in `rejected`, nothing else changes. */
+ * divisions; for 3 x 2: 38 and 5; for any other shape that of 5 x 4. AXT_ERROR_NOT_FINITE, or
+ * AXT_ERROR_RANGE when phi' P phi and the outputs add up to more than 1e15 (1e25 in double):
+ * counted in `rejected`, nothing else changes. */
 axt_status axt_rls_update(axt_rls *rls, const axt_real *phi, const axt_real *y);
 
 /* Element (row, column) of P = U D U'; 0 for indices out of range. */
