@@ -20,7 +20,7 @@ STANDARD_HEADERS = ("stdbool.h", "stddef.h", "stdint.h")
 
 
 def declarations(real: str) -> str:
-    """The declarations that `axt_loops.h` makes visible, for the number type `real`.
+    """The declarations that the headers in native/ make visible, for the number type `real`.
 
     The standard headers are replaced by empty ones: cffi knows what they define.
     """
@@ -28,13 +28,27 @@ def declarations(real: str) -> str:
     with tempfile.TemporaryDirectory() as empty:
         for header in STANDARD_HEADERS:
             (Path(empty) / header).touch()
-        options = ["-E", "-P", "-nostdinc", f"-I{empty}", f"-I{CORE}", f"-DAXT_REAL={real}"]
+        options = [
+            "-E",
+            "-P",
+            "-nostdinc",
+            f"-I{empty}",
+            f"-I{CORE}",
+            f"-I{NATIVE}",
+            f"-DAXT_REAL={real}",
+        ]
         return subprocess.run(
-            [*compiler, *options, str(NATIVE / "axt_loops.h")],
+            [*compiler, *options, "-xc", "-"],
+            input=includes(),
             check=True,
             capture_output=True,
             text=True,
         ).stdout
+
+
+def includes() -> str:
+    """Includes every header of native/."""
+    return "".join(f'#include "{path.name}"\n' for path in sorted(NATIVE.glob("*.h")))
 
 
 def core(name: str, real: str) -> FFI:
@@ -48,8 +62,8 @@ def core(name: str, real: str) -> FFI:
     ffi.cdef(declarations(real))
     ffi.set_source(
         name,
-        '#include "axt_loops.h"',
-        sources=[str(path) for path in (*sorted(CORE.glob("*.c")), NATIVE / "axt_loops.c")],
+        includes(),
+        sources=[str(path) for path in (*sorted(CORE.glob("*.c")), *sorted(NATIVE.glob("*.c")))],
         include_dirs=[str(CORE), str(NATIVE)],
         define_macros=[("AXT_REAL", real)],
         # Not contracted, so that the same samples give the same bits here as on the node.

@@ -1,0 +1,176 @@
+"""The loops of native/axt_paper_loops.c over arrays; what axistwin.core has is not repeated."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from axistwin import core
+from axistwin.core import Array, Axis, IdentSettings, Motion, Precision, State
+from axistwin.errors import InputError
+
+Method: TypeAlias = Literal["newmark", "houbolt", "wilson", "runge_kutta", "exact", "exact_held"]
+
+
+@dataclass(frozen=True)
+class Regression:
+    """Recursive least squares as it went on: k states of it.
+
+    ``theta`` (k, outputs, inputs); ``definite`` (k,) whether P has been positive definite after
+    every equation so far.
+    """
+
+    theta: Array
+    definite: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Equations of motion, y (n, outputs) = phi (n, inputs) theta', scaled to about 1."""
+
+    settings: IdentSettings
+    phi: Array
+    y: Array
+
+
+def integrate(
+    method: Method,
+    axis: Axis,
+    time_step: float,
+    torque: npt.ArrayLike,
+    state: State | None = None,
+    precision: Precision = "float64",
+) -> Motion:
+    """As core.simulate(), by any method of axt_integrator.h.
+
+    The torque is linear between samples, or held from each to the next with ``exact_held``.
+    """
+    c = core._load(precision)
+    values = core._reals(c, torque, "torque")
+    motion = np.zeros(len(values), c.dtype("axt_motion"))
+    start = core._motions(c, [state or State()])
+    done = c.ffi.new("size_t *")
+    status = c.lib.axt_loop_integrate(
+        getattr(c.lib, f"AXT_METHOD_{method.upper()}"),
+        core._axis(c, axis),
+        time_step,
+        c.array("axt_motion", start),
+        c.array("axt_real", values),
+        len(values),
+        c.array("axt_motion", motion),
+        done,
+    )
+    core._check(c, status, f"{method} for {axis}, {time_step=}, stopped at sample {done[0]}")
+    return Motion(precision, motion)
+
+
+def recursive_least_squares(
+    phi: Array,
+    y: Array,
+    *,
+    prior: float,
+    forgetting: float = 1.0,
+    every: int | None = None,
+    precision: Precision = "float64",
+) -> Regression:
+    """Eqs. 14-16 over the equations y (n, outputs) = phi (n, inputs) theta', scaled to about 1.
+
+    P starts as ``prior`` x identity. A state is taken every ``every`` equations and at the end
+    (only there by default).
+    """
+    c = core._load(precision)
+    (n, inputs), outputs = phi.shape, y.shape[1]
+    if len(y) != n:
+        raise InputError(f"{n} rows of regressors, {len(y)} of outputs")
+    every = every or n
+    states = -(-n // every)
+    theta = np.zeros((states, outputs, inputs), c.real)
+    definite = np.zeros(states, np.uint8)
+    done = c.ffi.new("size_t *")
+    status = c.lib.axt_loop_rls(
+        inputs,
+        outputs,
+        forgetting,
+        prior,
+        c.array("axt_real", np.ascontiguousarray(phi, c.real).ravel()),
+        c.array("axt_real", np.ascontiguousarray(y, c.real).ravel()),
+        n,
+        every,
+        c.array("axt_real", theta.ravel()),
+        c.array("uint8_t", definite),
+        done,
+    )
+    core._check(c, status, f"recursive least squares stopped at equation {done[0]}")
+    return Regression(theta.astype(np.float64), definite.astype(np.bool_))
+
+
+def equations(settings: IdentSettings, motion: Motion, torque: npt.ArrayLike) -> Equations:
+    """What axt_regressor.h makes of motion with speeds and torque (n,) [N m]: n - 1 equations."""
+    c = core._load(motion.precision)
+    inputs, outputs = (int(size) for size in settings.form.split("x"))
+    values = core._reals(c, torque, "torque")
+    if len(values) != len(motion):
+        raise InputError(f"{len(motion)} samples of the motion, {len(values)} of the torque")
+    phi = np.zeros((max(len(motion) - 1, 0), inputs), c.real)
+    y = np.zeros((len(phi), outputs), c.real)
+    count = c.ffi.new("size_t *")
+    status = c.lib.axt_loop_equations(
+        _config(c, settings),
+        c.array("axt_motion", motion.samples),
+        c.array("axt_real", values),
+        len(motion),
+        c.array("axt_real", phi.ravel()),
+        c.array("axt_real", y.ravel()),
+        count,
+    )
+    core._check(c, status, f"equations of motion stopped at equation {count[0]}")
+    return Equations(settings, phi.astype(np.float64), y.astype(np.float64))
+
+
+def axes(settings: IdentSettings, theta: Array, precision: Precision = "float64") -> Array:
+    """I1, I2, B, K (k, 4) for solutions (k, outputs, inputs) of equations(); 0 where none is."""
+    c = core._load(precision)
+    found = np.zeros(len(theta), c.dtype("axt_axis"))
+    given = np.ascontiguousarray(theta, c.real)
+    status = c.lib.axt_loop_axes(
+        _config(c, settings),
+        c.array("axt_real", given.ravel()),
+        len(theta),
+        c.array("axt_axis", found),
+    )
+    core._check(c, status, f"parameters from {settings}")
+    return core._table(found)
+
+
+def identified_torque(axis: Axis, time_step: float, motion: Motion) -> Array:
+    """The excitation identified back (Eq. 18): mean torque (n - 1,) [N m] over each step."""
+    c = core._load(motion.precision)
+    mean = np.zeros(max(len(motion) - 1, 0), c.real)
+    done = c.ffi.new("size_t *")
+    status = c.lib.axt_loop_torque(
+        core._axis(c, axis),
+        time_step,
+        c.array("axt_motion", motion.samples),
+        len(motion),
+        c.array("axt_real", mean),
+        done,
+    )
+    core._check(c, status, f"identified torque stopped at sample {done[0]}")
+    return mean.astype(np.float64)
+
+
+def _config(c: Any, settings: IdentSettings) -> Any:
+    return c.ffi.new(
+        "axt_ident_config *",
+        {
+            "form": getattr(c.lib, f"AXT_IDENT_{settings.form.upper()}"),
+            "time_step": settings.time_step,
+            "forgetting": settings.forgetting,
+            "expected": astuple(settings.expected),
+            "torque": settings.torque,
+            "counts_per_turn": (0, 0),
+        },
+    )
