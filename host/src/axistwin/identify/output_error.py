@@ -1,0 +1,247 @@
+"""Simulation-error (output-error) fit: the axis whose simulation comes closest to the encoders.
+
+The measured torque drives the C plant, and the parameters, the state at the first sample and the
+zeros are adjusted until the simulated angles differ least from the measured ones (L. Ljung, System
+Identification, sections 7.4 and 10.2). Torque and time are taken as exact, the noise sits in the
+angles: that is how a drive's record is made, and it is why this fit has no bias where a regression
+has one. For noise of one size that is not correlated it reaches the Cramer-Rao bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.optimize
+
+from axistwin import core
+from axistwin.core import Array
+from axistwin.errors import InputError, NotEnoughDataError
+from axistwin.identify import regression
+from axistwin.identify.samples import Samples
+from axistwin.identify.statistics import covariance, least_squares
+
+#: Unknowns of the fit. The first four are the axis; the response is linear in all others: the state
+#: at the first sample, the table encoder's zero against the motor's, and a constant load.
+UNKNOWNS = ("I1", "I2", "B", "K", "twist", "twist_speed", "speed", "angle", "zero", "load")
+_AXIS = 4
+
+#: Relative step of the central differences: the cube root of the precision of a double.
+_STEP = 6e-6
+
+#: Rounds of weighing the channels by their own residuals, and the change that ends them.
+_ROUNDS = 5
+_WEIGHTS_SETTLED = 0.01
+
+_CORNERS = 8
+_PASSES = 3
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class OutputErrorFit:
+    """``unknowns`` (10,) in the order of UNKNOWNS with their ``covariance``; ``simulated`` and
+    ``residual`` (simulated - measured) are (n, channels): theta1, theta2 [rad] and, when they were
+    measured, omega1, omega2 [rad/s]."""
+
+    unknowns: Array
+    covariance: Array
+    simulated: Array
+    residual: Array
+    freedom: int
+
+    @property
+    def axis(self) -> core.Axis:
+        """The axis found."""
+        return core.Axis(*(float(value) for value in self.unknowns[:_AXIS]))
+
+
+def fit(samples: Samples, start: core.Axis, progress: Progress = lambda _: None) -> OutputErrorFit:
+    """Adjust axis, initial state, zero and load to the samples, from a start near the answer.
+
+    Gauss-Newton steps in a trust region, with the sensitivities of the float64 plant by central
+    differences. Channels are weighed by their own residuals. Raises NotEnoughDataError when the
+    samples do not determine the axis.
+    """
+    problem = _Problem(samples)
+    unknowns, _ = problem.complete(start)
+    scale = problem.scale(unknowns)
+    sigma = problem.noise_guess()
+    lower = np.full(len(UNKNOWNS), -np.inf)
+    lower[:_AXIS] = [1e-3, 1e-3, 0.0, 1e-3]
+
+    for round_ in range(_ROUNDS):
+        progress(f"output error, round {round_ + 1}")
+
+        def residual(x: Array, sigma: Array = sigma) -> Array:
+            result: Array = ((problem.simulate(x * scale) - problem.measured) / sigma).ravel()
+            return result
+
+        def jacobian(x: Array, sigma: Array = sigma) -> Array:
+            return (problem.sensitivity(x * scale, scale) / sigma[:, None]).reshape(-1, len(x))
+
+        solution = scipy.optimize.least_squares(
+            residual,
+            unknowns / scale,
+            jacobian,
+            bounds=(lower, np.inf),
+            x_scale="jac",
+            xtol=1e-13,
+            ftol=1e-13,
+            gtol=None,
+        )
+        unknowns = solution.x * scale
+        errors = problem.simulate(unknowns) - problem.measured
+        settled = sigma
+        sigma = problem.noise_found(errors)
+        if np.all(np.abs(sigma / settled - 1.0) < _WEIGHTS_SETTLED):
+            break
+
+    weighted = problem.sensitivity(unknowns, scale) / sigma[:, None]
+    spread = covariance(weighted, errors / sigma) * np.outer(scale, scale)
+    return OutputErrorFit(
+        unknowns, spread, problem.measured + errors, errors, errors.size - len(UNKNOWNS)
+    )
+
+
+def find_start(samples: Samples, progress: Progress = lambda _: None) -> core.Axis:
+    """An axis near enough to the answer for fit(), found without knowing anything.
+
+    Regressions with the filter's corner all over the frequency range, each repeated with the
+    corner moved to the natural frequency just found; the axis whose simulation is closest to the
+    measurement is taken. Raises NotEnoughDataError when none of them is an axis.
+    """
+    problem = _Problem(samples)
+    candidates = []
+    if samples.has_speeds:
+        candidates.append(_axis_from(regression.midpoint(samples)))
+    lowest = 100.0 / samples.count  # the filter settles within a third of the samples
+    for index, corner in enumerate(np.geomspace(lowest, 1.5, _CORNERS)):
+        progress(f"filtered regression {index + 1} of {_CORNERS}")
+        candidates.append(_refiltered(samples, float(corner) / samples.time_step))
+    axes = [axis for axis in candidates if axis is not None]
+    if not axes:
+        raise NotEnoughDataError("no resonance of motor against table is to be seen in this record")
+    sigma = problem.noise_guess()
+    return min(axes, key=lambda axis: float(np.sum((problem.complete(axis)[1] / sigma) ** 2)))
+
+
+def adjust_start(samples: Samples, axis: core.Axis) -> Array:
+    """The channels (n, c) as this axis has them, only state, zero and load adjusted to the samples.
+
+    Raises NotEnoughDataError when the axis cannot be simulated at the samples' rate.
+    """
+    problem = _Problem(samples)
+    _, errors = problem.complete(axis)
+    if not np.all(np.isfinite(errors)):
+        raise NotEnoughDataError(f"{axis} cannot be simulated with these samples")
+    return problem.measured + errors
+
+
+class _Problem:
+    """What is measured, and what the plant answers for given unknowns."""
+
+    def __init__(self, samples: Samples) -> None:
+        self._samples = samples
+        channels = [samples.theta1, samples.table]
+        if samples.has_speeds:
+            channels += samples.speeds()
+        self.measured: Array = np.column_stack(channels)
+
+    def simulate(self, unknowns: Array) -> Array:
+        """The channels (n, c) for these unknowns; infinite where there is no such axis."""
+        axis = core.Axis(*(float(value) for value in unknowns[:_AXIS]))
+        *state, zero, load = (float(value) for value in unknowns[_AXIS:])
+        torque = self._samples.torque + load
+        try:
+            motion = core.simulate(axis, self._samples.time_step, torque, core.State(*state))
+        except InputError:
+            return np.full_like(self.measured, np.inf)
+        channels = [motion.theta1, motion.theta2 + zero]
+        if self._samples.has_speeds:
+            channels += [motion.omega1, motion.omega2]
+        return np.column_stack(channels)
+
+    def sensitivity(self, unknowns: Array, scale: Array) -> Array:
+        """Derivative (n, c, p) of the channels by the unknowns in units of ``scale``."""
+        columns = []
+        for i, unit in enumerate(scale):
+            step = np.zeros(len(UNKNOWNS))
+            step[i] = unit * _STEP if i < _AXIS else unit
+            difference = self.simulate(unknowns + step) - self.simulate(unknowns - step)
+            columns.append(difference * (unit / (2.0 * step[i])))
+        return np.stack(columns, axis=2)
+
+    def complete(self, axis: core.Axis) -> tuple[Array, Array]:
+        """The unknowns (10,) for this axis that fit best in the plain least-squares sense.
+
+        All but the axis enter linearly: one linear regression. Returns them and the errors (n, c).
+        """
+        unknowns = np.zeros(len(UNKNOWNS))
+        unknowns[:_AXIS] = [axis.I1, axis.I2, axis.B, axis.K]
+        start = self.simulate(unknowns)
+        if not np.all(np.isfinite(start)):
+            return unknowns, start
+        scale = self.scale(unknowns)
+        sigma = self.noise_guess()
+        columns = []
+        for i in range(_AXIS, len(UNKNOWNS)):
+            step = np.zeros(len(UNKNOWNS))
+            step[i] = scale[i]
+            columns.append(((self.simulate(unknowns + step) - start) / sigma).ravel())
+        wanted = ((self.measured - start) / sigma).ravel()
+        linear = least_squares(np.column_stack(columns), wanted[:, None])
+        unknowns[_AXIS:] = linear.solution[:, 0] * scale[_AXIS:]
+        return unknowns, -linear.residual.reshape(self.measured.shape) * sigma
+
+    def scale(self, unknowns: Array) -> Array:
+        """Sizes of the unknowns: such steps move the channels about as much as they move."""
+        samples = self._samples
+        axis = core.Axis(*(float(value) for value in unknowns[:_AXIS]))
+        wn = core.modal(axis).wn
+        twist = float(np.std(samples.twist))
+        travel = float(np.ptp(samples.theta1))
+        damping = max(axis.B, 2e-3 * axis.K / wn)
+        load = float(np.std(samples.torque))
+        state = (twist, twist * wn, travel / samples.duration, travel)
+        return np.array([axis.I1, axis.I2, damping, axis.K, *state, twist, load])
+
+    def noise_guess(self) -> Array:
+        """Standard deviation of the noise on each channel, before anything is known (c,)."""
+        size = np.std(self.measured, axis=0)
+        guess = [
+            1e-4 * channel if count is None else count / np.sqrt(12.0)
+            for count, channel in zip(self._samples.resolution, size[:2], strict=True)
+        ]
+        return np.array([*guess, *(1e-3 * size[2:])])
+
+    def noise_found(self, errors: Array) -> Array:
+        """The same from errors (n, c), not below what rounding leaves."""
+        floor = 4.0 * np.finfo(float).eps * np.max(np.abs(self.measured), axis=0)
+        result: Array = np.maximum(np.sqrt(np.mean(errors**2, axis=0)), floor)
+        return result
+
+
+def _refiltered(samples: Samples, corner: float) -> core.Axis | None:
+    """The axis by filtered regression, the corner moved to its natural frequency each time."""
+    found = None
+    for _ in range(_PASSES):
+        axis = _axis_from(regression.filtered(samples, corner))
+        if axis is None:
+            break
+        found = axis
+        corner = min(core.modal(axis).wn, 2.0 / samples.time_step)
+    return found
+
+
+def _axis_from(equations: regression.Equations) -> core.Axis | None:
+    """The axis that these equations give, None when what they give is no axis."""
+    try:
+        i1, i2, b, k = (float(value) for value in regression.solve(equations))
+        axis = core.Axis(i1, i2, max(b, 0.0), k)
+        core.modal(axis)
+    except (NotEnoughDataError, InputError):
+        return None
+    return axis
