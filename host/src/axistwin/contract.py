@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -98,6 +99,12 @@ class Contract:
         """A signal of one payload, scaled."""
         row = np.frombuffer(payload.ljust(PAYLOAD, b"\0"), np.uint8)[None, :PAYLOAD]
         return float(self.raw(message, name, row)[0]) * self.scale(message, name)
+
+    def reader(self, message: str, name: str) -> Callable[[bytes], int]:
+        """A quick way to read the bits of a signal from one payload after the other, unsigned."""
+        signal = self.signal(message, name)
+        shift, mask = signal.start, 2**signal.length - 1
+        return lambda payload: (int.from_bytes(payload, "little") >> shift) & mask
 
     def command(self, node: int, name: str, argument: float = 0) -> can.Message:
         """A command frame. Raises InputError when the argument does not fit into it."""

@@ -192,19 +192,22 @@ class _Node:
         """A signal in these rows as it is on the wire."""
         return self.contract.raw(message, name, self.frames.payload[rows])
 
-    def page_rows(self, name: str, before: int | None = None) -> Indices:
-        """Rows of a report page, only those before a row if one is given."""
+    def page_rows(self, name: str) -> Indices:
+        """Rows of a report page."""
         rows = self.rows("Report")
-        rows = rows[: np.searchsorted(rows, before)] if before is not None else rows
         chosen = self.raw("Report", "Page", rows) == self.contract.choice("Report", name)
         return np.compress(chosen, rows)
 
-    def page(self, name: str, before: int | None = None) -> float | None:
-        """The latest value of a report page, None when it was not sent."""
-        rows = self.page_rows(name, before)[-1:]
+    def page(self, name: str, at: int | None = None) -> float | None:
+        """What a report page said last, None when it was not sent.
+
+        With a row ``at``: what it said last up to there, or first after it.
+        """
+        rows = self.page_rows(name)
         if len(rows) == 0:
             return None
-        value = self.raw("Report", name, rows)[0]
+        last = len(rows) if at is None else max(1, int(np.searchsorted(rows, at, side="right")))
+        value = self.raw("Report", name, rows[last - 1 : last])[0]
         return short(value) if isinstance(value, np.float32) else float(value)
 
     def accepted(self, command: str) -> Indices:
@@ -265,28 +268,28 @@ class _Reader:
         self.settings = settings
         self.warnings = list(warnings)
 
-    def need(self, page: str, option: str, before: int) -> float:
+    def need(self, page: str, option: str, at: int) -> float:
         """What a report page says; InputError naming the option when it was not sent."""
-        value = self.node.page(page, before)
+        value = self.node.page(page, at)
         if value is None or not value > 0:
             raise InputError(
                 f"{self.source}: no report says {page} of node {self.node.id}; give {option}"
             )
         return value
 
-    def torque_unit(self, message: str, before: int) -> float:
+    def torque_unit(self, message: str, at: int) -> float:
         """1 of a raw torque in N m."""
         rated = self.settings.rated_torque
         if rated is None:
-            rated = self.need("RatedTorque", "--rated-torque", before) * 1e-3
+            rated = self.need("RatedTorque", "--rated-torque", at) * 1e-3
         return self.node.contract.scale(message, "Torque") * 1e-3 * rated
 
-    def counts(self, before: int) -> tuple[int, int | None]:
+    def counts(self, at: int) -> tuple[int, int | None]:
         """Counts a turn of both encoders; None for a table encoder that is not there."""
         motor, table = self.settings.counts_per_turn
         if motor is None:
-            motor = int(self.need("MotorResolution", "--counts", before))
-            reported = self.node.page("TableResolution", before)
+            motor = int(self.need("MotorResolution", "--counts", at))
+            reported = self.node.page("TableResolution", at)
             table = int(reported) if reported else None
         return motor, table
 
@@ -311,8 +314,8 @@ class _Reader:
         time_step: float,
     ) -> Record:
         """A record of ``count`` samples from motor and table frames at ``places`` of the grid."""
-        before = int(max(int(r[-1]) for r in rows if len(r) > 0)) + 1
-        motor_counts, table_counts = self.counts(before)
+        at = max(int(r[-1]) for r in rows if len(r) > 0)
+        motor_counts, table_counts = self.counts(at)
         if len(rows[1]) == 0:
             table_counts = None
         whole = np.zeros(count, bool)
@@ -340,7 +343,7 @@ class _Reader:
         self.warn(len(missing), len(grid))
         return Record(
             time=time_step * np.arange(len(grid), dtype=np.float64),
-            torque=fill(torque * self.torque_unit(self.messages[0], before), 0),
+            torque=fill(torque * self.torque_unit(self.messages[0], at), 0),
             theta1=fill(motor * (turn / motor_counts), 0),
             theta2=theta2,
             time_step=time_step,
@@ -412,7 +415,7 @@ class _Stream(_Reader):
             (motor[1], table[1]),
             ("Position", "Position"),
             int(count.max()) + 1,
-            self.time_step(int(rows[-1]) + 1),
+            self.time_step(int(rows[-1])),
         )
 
     def afresh(self, rows: Indices, step: Indices) -> npt.NDArray[np.bool_]:
@@ -424,7 +427,7 @@ class _Stream(_Reader):
         marked = np.diff(np.searchsorted(marks, rows)) > 0
         # A pause so long that the counter may have gone round unseen ends a part, too.
         waited = np.diff(node.frames.time[rows])
-        period = self.time_step(int(rows[-1]) + 1)
+        period = self.time_step(int(rows[-1]))
         unseen = waited > period * (np.abs(step) + _COUNTER_WRAP // 2)
         result: npt.NDArray[np.bool_] = marked | unseen | (step < -_OVERTAKEN_MAX)
         return result
@@ -439,12 +442,12 @@ class _Stream(_Reader):
             self.warnings.append(f"{twice} frames came twice")
         return places, rows[chosen][first]
 
-    def time_step(self, before: int) -> float:
+    def time_step(self, at: int) -> float:
         """Time between two samples [s]."""
         if self.settings.time_step is not None:
             return self.settings.time_step
-        period = self.need("ControlPeriod", "--time-step", before)
-        return period * self.need("StreamDecimation", "--time-step", before)
+        period = self.need("ControlPeriod", "--time-step", at)
+        return period * self.need("StreamDecimation", "--time-step", at)
 
 
 class _Trace(_Reader):
@@ -475,7 +478,7 @@ class _Trace(_Reader):
         self.check(motor, table, count, int(start))
         period = self.settings.time_step
         if period is None:
-            period = self.need("ControlPeriod", "--time-step", int(rows[-1]) + 1)
+            period = self.need("ControlPeriod", "--time-step", int(rows[-1]))
         return self.assemble(
             (motor[0], table[0]),
             (motor[1], table[1]),

@@ -1,0 +1,423 @@
+"""A node on a CAN bus: finding it, commanding it, noticing when it goes away.
+
+Frames are received by a thread of python-can's and queued; everything else happens in poll(), in
+the caller's own thread.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import errno
+import os
+import queue
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import can
+import can.cli
+import can.util
+
+from axistwin.contract import NODES, Contract, load_contract
+from axistwin.errors import (
+    AxisTwinError,
+    BusError,
+    CommandRefusedError,
+    ContractError,
+    InputError,
+    NoAnswerError,
+    NodeLostError,
+)
+from axistwin.frames import IDENTITY, short
+
+#: A node that has sent no heartbeat for this long is gone (it sends one every 100 ms).
+HEARTBEAT_TIMEOUT = 0.5
+
+#: What a command's answer may take; a busy bus included.
+ANSWER_TIMEOUT = 1.0
+
+_DEFAULT_CHANNEL = "vcan0"
+_ASK_AGAIN = 0.25
+_OPERATION_ENABLED = 0x0004  # bit 2 of the CiA 402 status word
+_KNOWN_ERRORS = {
+    errno.EAFNOSUPPORT: "this kernel has no SocketCAN",
+    errno.ENODEV: "there is no such CAN interface",
+    errno.ENOENT: "there is no such device",
+    errno.ENETDOWN: "the interface is down",
+}
+_REFUSALS = {
+    1: "it does not know this command",
+    2: "the argument is out of range",
+    3: "not now",
+    4: "it has no room for that",
+}
+
+Sink = Callable[[can.Message], object]
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class NodeInfo:
+    """What a node says about itself.
+
+    ``control_period`` [s] is the time between samples of the trace, the live stream has one sample
+    in ``stream_decimation`` of them. ``rated_torque`` [N m]; ``counts_per_turn`` of the encoders at
+    motor and table (None: no such encoder); ``trace_capacity`` in samples.
+    """
+
+    contract: int
+    firmware: str
+    control_period: float
+    rated_torque: float
+    counts_per_turn: tuple[int, int | None]
+    stream_decimation: int
+    trace_capacity: int
+
+    @staticmethod
+    def of(pages: dict[str, float]) -> NodeInfo:
+        """From the values of the report pages IDENTITY."""
+        firmware = int(pages["Firmware"])
+        return NodeInfo(
+            contract=int(pages["Contract"]),
+            firmware=f"{firmware >> 16 & 255}.{firmware >> 8 & 255}.{firmware & 255}",
+            control_period=short(pages["ControlPeriod"]),
+            rated_torque=pages["RatedTorque"] * 1e-3,
+            counts_per_turn=(int(pages["MotorResolution"]), int(pages["TableResolution"]) or None),
+            stream_decimation=int(pages["StreamDecimation"]),
+            trace_capacity=int(pages["TraceCapacity"]),
+        )
+
+    def __str__(self) -> str:
+        return (
+            f"firmware {self.firmware}, {1.0 / self.control_period:.6g} Hz, "
+            f"stream {1.0 / self.control_period / self.stream_decimation:.6g} Hz"
+        )
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of python-can's own tools, and which node to talk to, to a parser."""
+    can.cli.add_bus_arguments(parser, group_title="bus")
+    group = parser.add_argument_group("node")
+    group.add_argument("--node", type=int, default=1, metavar="ID", help="node id (default: 1)")
+    group.add_argument(
+        "--wait",
+        type=float,
+        default=5.0,
+        metavar="S",
+        help="wait this long for a node that is not there, or has gone (default: 5)",
+    )
+    group.add_argument("--dbc", metavar="FILE", help="wire contract (default: the built-in one)")
+
+
+class Node:
+    """A connection to one node. Use it as a context manager, or close() it.
+
+    ``sinks`` are called with every message that is received. ``errors`` counts bus error frames,
+    ``frames`` everything else.
+    """
+
+    def __init__(
+        self, open_bus: Callable[[], can.BusABC], contract: Contract, node_id: int
+    ) -> None:
+        if node_id not in NODES:
+            raise InputError(f"node {node_id}: ids are {NODES.start} to {NODES.stop - 1}")
+        self.contract = contract
+        self.id = node_id
+        self.sinks: list[Sink] = []
+        self.errors = 0
+        self.frames = 0
+        self.info: NodeInfo | None = None
+        self.streaming = False
+        self.pages: dict[str, float] = {}
+        self.page_flags: dict[str, int] = {}
+        self._open_bus = open_bus
+        self._bus: can.BusABC | None = None
+        self._notifier: can.Notifier | None = None
+        self._queue: queue.SimpleQueue[can.Message | Exception] = queue.SimpleQueue()
+        self._heard: set[int] = set()
+        self._last_heartbeat = 0.0
+        self._gone: str | None = None
+        self._status: int | None = None
+        self._answers: list[bytes] = []
+        self._page_names = {
+            multiplexer: signal.name
+            for signal in contract.messages["Report"].signals
+            for multiplexer in signal.multiplexer_ids or ()
+        }
+        self._state = contract.reader("Heartbeat", "State")
+        self._page = contract.reader("Report", "Page")
+        self._flags = contract.reader("Report", "Flags")
+        self._sequence = contract.reader("Report", "Sequence")
+        self._status_word = contract.reader("Table", "StatusWord")
+        self._heartbeats = range(
+            contract.identifier("Heartbeat", NODES.start),
+            contract.identifier("Heartbeat", NODES.stop),
+        )
+        self._handlers = {
+            contract.identifier(message, node_id): (contract.length(message), handler)
+            for message, handler in (
+                ("Heartbeat", self._on_heartbeat),
+                ("Report", self._on_report),
+                ("Table", self._on_table),
+            )
+        }
+
+    def __enter__(self) -> Node:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes the bus. What the node does is left as it is."""
+        if self._notifier is not None:
+            self._notifier.stop()
+            self._notifier = None
+        if self._bus is not None:
+            with contextlib.suppress(
+                Exception
+            ):  # a carrier that has gone cannot be closed properly
+                self._bus.shutdown()
+            self._bus = None
+
+    def connect(self, wait: float, tell: Tell) -> NodeInfo:
+        """Opens the bus and finds the node, both within ``wait`` seconds; ``tell`` says what for.
+
+        Raises BusError when the bus cannot be opened, NoAnswerError when the node does not answer,
+        ContractError when it speaks another version of the contract.
+        """
+        deadline = time.monotonic() + wait
+        self.close()
+        self.info = None
+        self._gone = None
+        told = False
+        while True:
+            try:
+                if self._bus is None:
+                    self._open()
+                self.info = self._identify(deadline, tell)
+                return self.info
+            except ContractError:
+                raise
+            except BusError as error:
+                self.close()
+                if time.monotonic() >= deadline:
+                    raise
+                if not told:
+                    tell(f"{error}; waiting up to {wait:g} s for it")
+                    told = True
+                time.sleep(min(0.1, max(0.0, deadline - time.monotonic())))
+
+    def poll(self, timeout: float) -> None:
+        """Deals with everything that has been received, waiting up to ``timeout`` [s] for it.
+
+        Raises NodeLostError when the bus has failed, or a connected node is silent or has started
+        afresh.
+        """
+        with contextlib.suppress(queue.Empty):
+            self._take(self._queue.get(timeout=timeout))
+            for _ in range(self._queue.qsize()):
+                self._take(self._queue.get_nowait())
+        if self.info is None:
+            return
+        silent = time.monotonic() - self._last_heartbeat
+        if self._gone is None and silent > HEARTBEAT_TIMEOUT and self._queue.empty():
+            self._gone = f"node {self.id} is lost: no heartbeat for {silent * 1e3:.0f} ms"
+        if self._gone is not None:
+            raise NodeLostError(self._gone)
+
+    @property
+    def excited(self) -> bool | None:
+        """Is torque applied, by the status word of the live stream? None: not known."""
+        return None if self._status is None else bool(self._status & _OPERATION_ENABLED)
+
+    def forget_status(self) -> None:
+        """Only what the stream says from now on counts for ``excited``."""
+        self._status = None
+
+    def command(self, name: str, argument: float = 0) -> None:
+        """Sends a command and waits until it is answered.
+
+        Raises CommandRefusedError when the node will not, NoAnswerError when it does not answer.
+        """
+        message = self.contract.command(self.id, name, argument)
+        wanted = bytes(message.data[:1]), bytes(message.data[4:])
+        self._answers.clear()
+        self._send(message)
+        deadline = time.monotonic() + ANSWER_TIMEOUT
+        while time.monotonic() < deadline:
+            self.poll(0.05)
+            for answer in self._answers:
+                # flags hold the command's code, the value its argument, the sequence the result
+                if (answer[1:2], answer[4:]) == wanted:
+                    self.streaming = {"StreamStart": True, "StreamStop": False}.get(
+                        name, self.streaming
+                    )
+                    return self._check_result(self._sequence(answer), name, argument)
+        raise NoAnswerError(f"node {self.id} does not answer the command {name}")
+
+    def _check_result(self, result: int, name: str, argument: float) -> None:
+        if result != 0:
+            what = f"{name} {argument:.10g}" if argument else name
+            reason = _REFUSALS.get(result, f"result {result}")
+            raise CommandRefusedError(f"node {self.id} refuses {what}: {reason}")
+
+    def _open(self) -> None:
+        self._queue = queue.SimpleQueue()
+        self._bus = self._open_bus()
+        self._notifier = can.Notifier(self._bus, [_Receiver(self._queue)], timeout=0.1)
+
+    def _send(self, message: can.Message) -> None:
+        if self._bus is None:
+            raise NodeLostError("the bus is closed")
+        try:
+            self._bus.send(message, timeout=ANSWER_TIMEOUT)
+        except (can.CanError, OSError, ValueError) as error:
+            raise NodeLostError(f"cannot send on the bus: {_reason(error)}") from error
+
+    def _identify(self, deadline: float, tell: Tell) -> NodeInfo:
+        """Asks the node who it is until everything is known and a heartbeat was heard."""
+        self.pages = {}
+        begin = time.monotonic()
+        told = False
+        while True:
+            self._send(self.contract.command(self.id, "Identify"))
+            again = time.monotonic() + _ASK_AGAIN
+            while time.monotonic() < again:
+                self.poll(0.02)
+                if "Contract" in self.pages:
+                    self._check_contract()
+                known = all(page in self.pages for page in IDENTITY)
+                if known and self._last_heartbeat >= begin:
+                    return NodeInfo.of(self.pages)
+            if time.monotonic() >= deadline:
+                raise NoAnswerError(f"no answer from node {self.id}; {self._who()}")
+            if not told and time.monotonic() - begin > 0.4:
+                left = deadline - time.monotonic()
+                tell(f"waiting up to {left:.1f} s for node {self.id}; {self._who()}")
+                told = True
+
+    def _who(self) -> str:
+        others = sorted(self._heard - {self.id})
+        if others:
+            numbers = ", ".join(map(str, others))
+            return f"heard heartbeats of node{'s' if len(others) > 1 else ''} {numbers}"
+        if self.frames > 0:
+            return f"heard {self.frames} frames but no heartbeat of a node"
+        return "heard nothing on the bus (is the node running, on this channel and bit rate?)"
+
+    def _check_contract(self) -> None:
+        version = int(self.pages["Contract"])
+        if version != self.contract.version:
+            raise ContractError(
+                f"node {self.id} speaks contract version {version}, {self.contract.source} is "
+                f"version {self.contract.version}; give the matching file with --dbc"
+            )
+
+    def _take(self, received: can.Message | Exception) -> None:
+        if isinstance(received, Exception):
+            raise NodeLostError(f"the bus has failed: {_reason(received)}")
+        if received.is_error_frame:
+            self.errors += 1
+        else:
+            self.frames += 1
+            identifier = received.arbitration_id
+            if identifier in self._heartbeats:
+                self._heard.add(identifier - self._heartbeats.start + NODES.start)
+            length, handler = self._handlers.get(identifier, (None, None))
+            if handler is not None and len(received.data) == length:
+                handler(bytes(received.data))
+        for sink in self.sinks:
+            sink(received)
+
+    def _on_heartbeat(self, payload: bytes) -> None:
+        state = self._state(payload)
+        self._last_heartbeat = time.monotonic()
+        self.streaming = state == self.contract.state("Operational")
+        if state == self.contract.state("BootUp"):
+            self._gone = f"node {self.id} has started afresh"
+        elif state == self.contract.state("Stopped"):
+            self._gone = f"node {self.id} has ended"
+
+    def _on_report(self, payload: bytes) -> None:
+        name = self._page_names.get(self._page(payload))
+        if name == "Answer":
+            self._answers.append(payload)
+        elif name is not None:
+            self.pages[name] = self.contract.value("Report", name, payload)
+            self.page_flags[name] = self._flags(payload)
+
+    def _on_table(self, payload: bytes) -> None:
+        self._status = self._status_word(payload)
+
+
+class _Receiver(can.Listener):
+    """Queues what python-can's thread receives, the failure of the bus included."""
+
+    def __init__(self, received: queue.SimpleQueue[can.Message | Exception]) -> None:
+        self._put = received.put
+        self._failed = False
+
+    def on_message_received(self, msg: can.Message) -> None:
+        self._put(msg)
+
+    def on_error(self, exc: Exception) -> None:
+        if not self._failed:  # python-can tries again at once, for ever
+            self._failed = True
+            self._put(exc)
+        time.sleep(0.1)
+
+
+def node_of(arguments: argparse.Namespace) -> Node:
+    """The node that the arguments of add_arguments() name, not yet connected.
+
+    Raises InputError when the wire contract cannot be read or the node id is impossible.
+    """
+    if not arguments.wait >= 0.0:
+        raise InputError(f"--wait has to be 0 or more seconds, not {arguments.wait}")
+    defaults = _defaults(arguments)
+
+    def open_bus() -> can.BusABC:
+        merged = argparse.Namespace(**{**defaults, **vars(arguments)})
+        name = f"{merged.interface} {merged.channel}"
+        try:
+            return can.cli.create_bus_from_namespace(merged)
+        except argparse.ArgumentError as error:
+            kind: type[AxisTwinError] = BusError
+            if isinstance(error.__cause__, (ValueError, TypeError)):
+                kind = InputError
+            raise kind(f"cannot open {name}: {_reason(error)}") from error
+
+    return Node(open_bus, load_contract(arguments.dbc), arguments.node)
+
+
+def _defaults(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Bus arguments that were not given: from python-can's configuration, else the usual ones."""
+    configured = {**can.util.load_file_config(), **can.util.load_environment_config(), **can.rc}
+    channel = str(getattr(arguments, "channel", configured.get("channel") or _DEFAULT_CHANNEL))
+    terminal = channel.startswith(("/", "socket://", "COM"))
+    interface = configured.get("interface") or ("slcan" if terminal else "socketcan")
+    defaults: dict[str, Any] = {"channel": channel, "interface": interface}
+    if getattr(arguments, "interface", interface) == "slcan" and _is_software(channel):
+        defaults["bus_kwargs"] = {"sleep_after_open": 0.0}  # nothing there that has to boot
+    return defaults
+
+
+def _reason(error: BaseException) -> str:
+    """Why a bus has failed: the system's own word for it, under all that was said on top of it."""
+    reason = str(error)
+    below: BaseException | None = error
+    while below is not None:
+        if isinstance(below, OSError) and below.errno is not None:
+            reason = _KNOWN_ERRORS.get(below.errno, os.strerror(below.errno))
+        else:
+            reason = str(below) or reason
+        below = below.__cause__ or below.__context__
+    return reason
+
+
+def _is_software(channel: str) -> bool:
+    """Is the other end of this SLCAN line a program?"""
+    return channel.startswith("socket://") or os.path.realpath(channel).startswith("/dev/pts/")

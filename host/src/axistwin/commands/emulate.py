@@ -1,0 +1,43 @@
+"""`axistwin emulate`: starts the emulated axis with its drive."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+from pathlib import Path
+
+from axistwin.errors import InputError
+
+_PROGRAM = "axistwin-emulator"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments of the command: all of them are the emulator's own."""
+    parser.add_argument(
+        "arguments",
+        nargs=argparse.REMAINDER,
+        metavar="...",
+        help=f"arguments of {_PROGRAM}; -- --help lists them",
+    )
+
+
+def find_emulator() -> str:
+    """The emulator's path: $AXISTWIN_EMULATOR, build/ of the current folder, or PATH.
+
+    Raises InputError when there is none.
+    """
+    named = os.environ.get("AXISTWIN_EMULATOR")
+    built = Path("build") / _PROGRAM
+    found = named or (str(built) if built.exists() else shutil.which(_PROGRAM))
+    if found is None or shutil.which(found) is None:
+        where = f"$AXISTWIN_EMULATOR is {named}" if named else "not in ./build, not in PATH"
+        raise InputError(f"no {_PROGRAM} to be run ({where}); build it with: make build/{_PROGRAM}")
+    return found
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Becomes the emulator: signals and exit status are its own."""
+    program = find_emulator()
+    passed = arguments.arguments
+    os.execv(program, [program, *(passed[1:] if passed[:1] == ["--"] else passed)])
