@@ -94,7 +94,7 @@ axt_status axt_exact_map_init(axt_exact_map *map, axt_real damping, axt_real sti
     exponential_less_one(m);
     const axt_real per_step = AXT_R(1) / time_step;
     *map = (axt_exact_map){
-        .a = {{AXT_R(1) + m[0][0], m[0][1] * time_step}, {m[1][0] * per_step, AXT_R(1) + m[1][1]}},
+        .a = {{m[0][0], m[0][1] * time_step}, {m[1][0] * per_step, m[1][1]}},
         .held = {m[0][2] * time_step * time_step, m[1][2] * time_step},
         .ramp = {m[0][3] * time_step * time_step, m[1][3] * time_step},
     };
@@ -224,10 +224,10 @@ static void exact(axt_oscillator *o, axt_real force_before, axt_real force) {
     const axt_real change = force - force_before;
     const axt_real position = o->position;
     const axt_real speed = o->speed;
-    o->position = map->a[0][0] * position + map->a[0][1] * speed + map->held[0] * force_before +
-                  map->ramp[0] * change;
-    o->speed = map->a[1][0] * position + map->a[1][1] * speed + map->held[1] * force_before +
-               map->ramp[1] * change;
+    o->position += map->a[0][0] * position + map->a[0][1] * speed + map->held[0] * force_before +
+                   map->ramp[0] * change;
+    o->speed += map->a[1][0] * position + map->a[1][1] * speed + map->held[1] * force_before +
+                map->ramp[1] * change;
     o->acceleration = acceleration_at(o, o->position, o->speed, force);
 }
 

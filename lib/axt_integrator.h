@@ -30,8 +30,9 @@ typedef enum {
     AXT_METHOD_EXACT_HELD = 5
 } axt_method;
 
-/* The exact step of x'' + d x' + k x = f: new position and speed are rows of
- * a [position, speed] + held f[n] + ramp (f[n+1] - f[n]). */
+/* The exact step of x'' + d x' + k x = f: position and speed change by rows of
+ * a [position, speed] + held f[n] + ramp (f[n+1] - f[n]). The matrix exponential is 1 + a: of a
+ * short step the 1 would swallow the digits that make the damping. */
 typedef struct {
     axt_real a[2][2];
     axt_real held[2];
