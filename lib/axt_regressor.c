@@ -6,6 +6,10 @@
 /* Columns and rows of the full form (5x4); the short form (3x2) has those that carry parameters. */
 enum { Q, R, Q_RATE, R_RATE, TORQUE };
 
+/* A twist that moves by less than this many counts shows the encoder and not the axis: nothing is
+ * learned from it. A reading that flickers by one count on either encoder stays below. */
+#define IDLE_COUNTS 2
+
 /* How long the filter remembers its start: its slowest pole is w / 2, and e^-16 is 1e-7. */
 #define SETTLING_RADIANS AXT_R(32)
 
@@ -41,7 +45,7 @@ static axt_status check_config(const axt_ident_config *config) {
 
 /* Scales every quantity by a power of two to about 1, from the size it has when the expected torque
  * shakes the expected axis near its natural frequency. */
-static void set_scales(axt_regressor *regressor, axt_real wn, axt_real rate) {
+static void scale_motion(axt_regressor *regressor, axt_real wn) {
     const axt_ident_config *config = &regressor->config;
     const axt_real inertia = config->expected.I1 + config->expected.I2;
     const axt_real twist = config->torque / (config->expected.I1 * wn * wn);
@@ -52,12 +56,41 @@ static void set_scales(axt_regressor *regressor, axt_real wn, axt_real rate) {
                                                      [R_RATE] = body * wn / AXT_R(4),
                                                      [TORQUE] = config->torque};
     for (uint32_t i = 0; i < AXT_REGRESSOR_INPUTS_MAX; i++) {
-        regressor->scale[i] = AXT_R(1) / power_of_two(size[i] * rate);
+        regressor->scale[i] = AXT_R(1) / power_of_two(size[i]);
     }
     regressor->output_scale[Q] = regressor->scale[Q_RATE];
     regressor->output_scale[R] = regressor->scale[R_RATE];
-    regressor->output_scale[Q_RATE] = AXT_R(1) / power_of_two(twist * wn * wn * rate);
-    regressor->output_scale[R_RATE] = AXT_R(1) / power_of_two(config->torque / inertia * rate);
+    regressor->output_scale[Q_RATE] = AXT_R(1) / power_of_two(twist * wn * wn);
+    regressor->output_scale[R_RATE] = AXT_R(1) / power_of_two(config->torque / inertia);
+}
+
+/* Encoders: what enters the filters is scaled, and their time runs in units of 1 / corner, so what
+ * leaves them is of size 1 without another multiplication. */
+static void scale_counts(axt_regressor *regressor, axt_real wn, axt_real corner) {
+    const axt_ident_config *config = &regressor->config;
+    const axt_real inertia = config->expected.I1 + config->expected.I2;
+    const axt_real twist =
+        AXT_R(1) / power_of_two(config->torque / (config->expected.I1 * wn * wn));
+    const axt_real body = AXT_R(1) / power_of_two(config->torque / (inertia * wn * wn));
+    for (uint32_t i = 0; i < 2; i++) {
+        regressor->count_unit[i] = twist * axt_encoder_angle(config->counts_per_turn[i], 1);
+    }
+    regressor->body_unit = body * axt_encoder_angle(config->counts_per_turn[0], 1);
+    regressor->body_share = regressor->motor_share * body / twist;
+    regressor->torque_unit = AXT_R(1) / power_of_two(config->torque);
+    regressor->idle = AXT_R(IDLE_COUNTS) * ((regressor->count_unit[0] > regressor->count_unit[1])
+                                                ? regressor->count_unit[0]
+                                                : regressor->count_unit[1]);
+    /* the equation is taken one derivative up: q stands for q', and so on */
+    regressor->scale[Q] = twist / corner;
+    regressor->scale[R] = body / corner;
+    regressor->scale[Q_RATE] = twist / (corner * corner);
+    regressor->scale[R_RATE] = body / (corner * corner);
+    regressor->scale[TORQUE] = regressor->torque_unit / corner;
+    regressor->output_scale[Q] = regressor->scale[Q_RATE];
+    regressor->output_scale[R] = regressor->scale[R_RATE];
+    regressor->output_scale[Q_RATE] = regressor->scale[Q_RATE] / corner;
+    regressor->output_scale[R_RATE] = regressor->scale[R_RATE] / corner;
 }
 
 axt_status axt_regressor_init(axt_regressor *regressor, const axt_ident_config *config) {
@@ -71,18 +104,19 @@ axt_status axt_regressor_init(axt_regressor *regressor, const axt_ident_config *
     }
     const axt_real inertia = config->expected.I1 + config->expected.I2;
     axt_regressor fresh = {.config = *config, .motor_share = config->expected.I2 / inertia};
-    axt_real rate = AXT_R(1); /* size of a rate against its quantity */
     if (from_encoders(config)) {
         /* at the natural frequency, where the twist shows, but below the Nyquist frequency */
         const axt_real highest = AXT_R(2) / config->time_step;
-        rate = (modal.wn < highest) ? modal.wn : highest;
-        status = axt_filter_init(&fresh.filter, rate, config->time_step);
+        const axt_real corner = (modal.wn < highest) ? modal.wn : highest;
+        status = axt_filter_init(&fresh.filter, AXT_R(1), corner * config->time_step);
         if (status != AXT_OK) {
             return status;
         }
-        fresh.settling = (uint32_t)(SETTLING_RADIANS / (rate * config->time_step)) + 1;
+        fresh.settling = (uint32_t)(SETTLING_RADIANS / (corner * config->time_step)) + 1;
+        scale_counts(&fresh, modal.wn, corner);
+    } else {
+        scale_motion(&fresh, modal.wn);
     }
-    set_scales(&fresh, modal.wn, rate);
     *regressor = fresh;
     return AXT_OK;
 }
@@ -181,7 +215,8 @@ static void count_from_zero(axt_regressor *regressor, const int32_t count[2],
             const uint32_t moved = (uint32_t)turns * regressor->config.counts_per_turn[i];
             regressor->zero[i] = axt_wrap_add(regressor->zero[i], (int32_t)moved);
         }
-        axt_filter_shift(&regressor->body_filter, -AXT_TWO_PI * (axt_real)turns);
+        axt_filter_shift(&regressor->body_filter,
+                         -regressor->body_unit * (axt_real)(turns * per_turn));
     }
     for (uint32_t i = 0; i < 2; i++) {
         from_zero[i] = axt_encoder_difference(count[i], regressor->zero[i]);
@@ -203,35 +238,40 @@ axt_status axt_regressor_counts(axt_regressor *regressor, int32_t motor, int32_t
         regressor->zero[1] = table;
         axt_filter_start(&regressor->twist_filter, AXT_R(0));
         axt_filter_start(&regressor->body_filter, AXT_R(0));
-        axt_filter_start(&regressor->torque_filter, torque);
+        axt_filter_start(&regressor->torque_filter, regressor->torque_unit * torque);
     }
     int32_t from_zero[2];
     count_from_zero(regressor, count, from_zero);
-    const axt_real angle = axt_encoder_angle(config->counts_per_turn[0], from_zero[0]);
-    const axt_real twist =
-        (config->counts_per_turn[0] == config->counts_per_turn[1])
-            ? axt_encoder_angle(config->counts_per_turn[0],
-                                axt_encoder_difference(from_zero[0], from_zero[1]))
-            : angle - axt_encoder_angle(config->counts_per_turn[1], from_zero[1]);
+    const axt_real twist = (config->counts_per_turn[0] == config->counts_per_turn[1])
+                               ? regressor->count_unit[0] *
+                                     (axt_real)axt_encoder_difference(from_zero[0], from_zero[1])
+                               : regressor->count_unit[0] * (axt_real)from_zero[0] -
+                                     regressor->count_unit[1] * (axt_real)from_zero[1];
+    const axt_real body =
+        regressor->body_unit * (axt_real)from_zero[0] - regressor->body_share * twist;
 
     axt_filter_step(&regressor->filter, &regressor->twist_filter, twist);
-    axt_filter_step(&regressor->filter, &regressor->body_filter,
-                    angle - regressor->motor_share * twist);
-    axt_filter_step(&regressor->filter, &regressor->torque_filter, torque);
+    axt_filter_step(&regressor->filter, &regressor->body_filter, body);
+    axt_filter_step(&regressor->filter, &regressor->torque_filter, regressor->torque_unit * torque);
     count_sample(regressor);
-    if (regressor->seen <= regressor->settling) {
-        return AXT_ERROR_NO_DATA;
-    }
+
     const axt_filter_state *q = &regressor->twist_filter;
     const axt_filter_state *r = &regressor->body_filter;
-    const axt_real quantity[AXT_REGRESSOR_INPUTS_MAX] = {[Q] = q->rate,
-                                                         [R] = r->rate,
-                                                         [Q_RATE] = q->acceleration,
-                                                         [R_RATE] = r->acceleration,
-                                                         [TORQUE] = regressor->torque_filter.rate};
-    const axt_real rate[AXT_REGRESSOR_OUTPUTS_MAX] = {
-        [Q] = q->acceleration, [R] = r->acceleration, [Q_RATE] = q->jerk, [R_RATE] = r->jerk};
-    scale_equation(regressor, quantity, rate, equation);
+    const bool idle = axt_abs(q->rate) + axt_abs(q->acceleration) <= regressor->idle;
+    if (regressor->seen <= regressor->settling || idle) {
+        return AXT_ERROR_NO_DATA;
+    }
+    if (config->form == AXT_IDENT_5X4) {
+        *equation = (axt_equation){.phi = {q->rate, r->rate, q->acceleration, r->acceleration,
+                                           regressor->torque_filter.rate},
+                                   .y = {q->acceleration, r->acceleration, q->jerk, r->jerk}};
+    } else {
+        equation->phi[0] = q->rate;
+        equation->phi[1] = q->acceleration;
+        equation->phi[2] = regressor->torque_filter.rate;
+        equation->y[0] = q->jerk;
+        equation->y[1] = r->jerk;
+    }
     return AXT_OK;
 }
 

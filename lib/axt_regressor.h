@@ -19,6 +19,9 @@
  * then pass through the same state-variable filter (axt_filter.h), and rate, acceleration and jerk
  * of what comes out take the place of value, rate and acceleration: an unknown zero of either
  * encoder and a constant load drop out.
+ *
+ * A twist that moves by less than two counts shows the encoders and not the axis, and yields no
+ * equation: at standstill nothing is learned from their flicker.
  */
 #ifndef AXT_REGRESSOR_H
 #define AXT_REGRESSOR_H
@@ -60,6 +63,12 @@ typedef struct {
     axt_real scale[AXT_REGRESSOR_INPUTS_MAX];         /* regressor = scale x value; powers of two */
     axt_real output_scale[AXT_REGRESSOR_OUTPUTS_MAX]; /* likewise for the outputs */
     axt_real last[AXT_REGRESSOR_INPUTS_MAX];          /* q, r, q', r', T of the last sample */
+    /* encoders: scaled twist and body angle a count, torque a N m, and what counts as standstill */
+    axt_real count_unit[2];
+    axt_real body_unit;
+    axt_real body_share;
+    axt_real torque_unit;
+    axt_real idle;
     axt_real motor_share; /* I2 / (I1 + I2) of the expected axis: r = theta1 - motor_share q */
     int32_t zero[2];      /* counts of both encoders, or turns, from which angles are reckoned */
     uint32_t seen;        /* samples since the start or the last gap, saturating */
