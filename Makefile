@@ -173,7 +173,8 @@ lint-clang-format: $(BUILD)/packages-check
 	clang-format --dry-run -Werror $(C_FILES)
 
 lint-clang-tidy: $(BUILD)/packages-check $(CONTRACT)/axt_contract.h
-	clang-tidy --quiet $(filter %.c,$(C_FILES)) -- $(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE
+	printf '%s\n' $(filter %.c,$(C_FILES)) | xargs --max-args=4 --max-procs=$$(nproc) sh -c \
+	    'clang-tidy --quiet "$$@" -- $(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE' sh
 
 lint-cppcheck: $(BUILD)/packages-check
 	cppcheck --quiet --std=c11 --error-exitcode=1 --inline-suppr --suppress=missingIncludeSystem \
