@@ -2,8 +2,9 @@
 
 #include "axt_math.h"
 
-/* A sample is refused when phi' P phi and the magnitudes of its outputs add up to more: far beyond
- * anything scaled to 1, and small enough that no product in the update overflows. */
+/* A sample is refused when phi' P phi and the magnitudes of its elements add up to more: far beyond
+ * anything scaled to 1, small enough that no product in the update overflows, and that D, which is
+ * at least 1 / sum(phi^2), does not fall to zero. */
 #define SAMPLE_MAX (AXT_IS_DOUBLE ? 1e25 : 1e15)
 
 /* Place of element (i, j), i <= j, of the upper triangle stored by columns: the same for any number
@@ -77,9 +78,11 @@ AXT_UNROLLED axt_status update(axt_rls *restrict rls, uint32_t n, uint32_t m,
     axt_real f[AXT_RLS_INPUTS_MAX]; /* U' phi */
     axt_real v[AXT_RLS_INPUTS_MAX]; /* D U' phi */
     axt_real spread = AXT_R(0);     /* phi' P phi */
+    axt_real size = AXT_R(0);
     AXT_UNROLL
     for (uint32_t j = 0; j < n; j++) {
         f[j] = phi[j];
+        size += axt_abs(phi[j]);
         AXT_UNROLL
         for (uint32_t i = 0; i < j; i++) {
             f[j] = axt_fma(factor[packed(i, j)], phi[i], f[j]);
@@ -87,7 +90,7 @@ AXT_UNROLLED axt_status update(axt_rls *restrict rls, uint32_t n, uint32_t m,
         v[j] = factor[packed(j, j)] * f[j];
         spread = axt_fma(v[j], f[j], spread);
     }
-    axt_real size = spread;
+    size += spread;
     AXT_UNROLL
     for (uint32_t k = 0; k < m; k++) {
         size += axt_abs(y[k]);
