@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <poll.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -9,6 +10,15 @@
 #include <unistd.h>
 
 #include "axt_clock.h"
+
+/* Throws away what the last host has not read: it is not for the next one. */
+static void discard_unread(const axt_slcan_pty *pty) {
+    const int slave = open(pty->path, O_RDWR | O_NOCTTY | O_CLOEXEC);
+    if (slave >= 0) {
+        (void)tcflush(slave, TCIFLUSH);
+        (void)close(slave);
+    }
+}
 
 static int32_t pty_read(void *context, char *bytes, uint32_t size) {
     axt_slcan_pty *pty = context;
@@ -24,9 +34,8 @@ static int32_t pty_read(void *context, char *bytes, uint32_t size) {
     if (got < 0 && errno != EIO) {
         return AXT_CAN_ERROR_IO;
     }
-    /* EIO: no host has the terminal open. What the last one did not read is not for the next. */
-    if (pty->held) {
-        (void)tcflush(pty->master, TCOFLUSH);
+    if (pty->held) { /* EIO: the host has closed the terminal */
+        discard_unread(pty);
         pty->held = false;
     }
     return AXT_CAN_CLOSED;
@@ -38,10 +47,13 @@ static int32_t pty_write(void *context, const char *bytes, uint32_t size) {
     if (taken >= 0) {
         return (int32_t)taken;
     }
-    if (errno == EAGAIN || errno == EINTR) {
-        return 0;
+    if (errno != EAGAIN && errno != EINTR) {
+        return AXT_CAN_ERROR_IO;
     }
-    return (errno == EIO) ? AXT_CAN_CLOSED : AXT_CAN_ERROR_IO;
+    /* full: because the host is slow, or because it has gone? */
+    struct pollfd terminal = {.fd = pty->master};
+    const bool gone = poll(&terminal, 1, 0) > 0 && (terminal.revents & POLLHUP) != 0;
+    return gone ? AXT_CAN_CLOSED : 0;
 }
 
 static uint32_t pty_milliseconds(void *context) {
