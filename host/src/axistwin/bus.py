@@ -1,7 +1,8 @@
 """A node on a CAN bus: finding it, commanding it, noticing when it goes away.
 
-Frames are received by a thread of python-can's and queued; everything else happens in poll(), in
-the caller's own thread.
+Everything happens in poll(), in the caller's thread: a second thread for receiving would have to
+wait for the first whenever that is busy, and would lose more than it saves. The kernel keeps what
+comes in between.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import argparse
 import contextlib
 import errno
 import os
-import queue
+import socket
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from typing import Any
 import can
 import can.cli
 import can.util
+from can.interfaces.socketcan import SocketcanBus
 
 from axistwin.contract import NODES, Contract, load_contract
 from axistwin.errors import (
@@ -38,6 +40,13 @@ HEARTBEAT_TIMEOUT = 0.5
 #: What a command's answer may take; a busy bus included.
 ANSWER_TIMEOUT = 1.0
 
+# Room in the kernel for what is received while this program is busy: some seconds of a full bus.
+_RECEIVE_BUFFER = 32 << 20
+_SO_RCVBUFFORCE = 33  # Linux, not known to the socket module; wants the right to administer the net
+
+# So many frames are dealt with before the caller has its turn.
+_BATCH = 256
+
 _DEFAULT_CHANNEL = "vcan0"
 _ASK_AGAIN = 0.25
 _OPERATION_ENABLED = 0x0004  # bit 2 of the CiA 402 status word
@@ -47,6 +56,7 @@ _KNOWN_ERRORS = {
     errno.ENOENT: "there is no such device",
     errno.ENETDOWN: "the interface is down",
 }
+_STREAMING_AFTER = {"StreamStart": True, "StreamStop": False}
 _REFUSALS = {
     1: "it does not know this command",
     2: "the argument is out of range",
@@ -134,8 +144,7 @@ class Node:
         self.page_flags: dict[str, int] = {}
         self._open_bus = open_bus
         self._bus: can.BusABC | None = None
-        self._notifier: can.Notifier | None = None
-        self._queue: queue.SimpleQueue[can.Message | Exception] = queue.SimpleQueue()
+        self._drained = True
         self._heard: set[int] = set()
         self._last_heartbeat = 0.0
         self._gone: str | None = None
@@ -150,6 +159,7 @@ class Node:
         self._page = contract.reader("Report", "Page")
         self._flags = contract.reader("Report", "Flags")
         self._sequence = contract.reader("Report", "Sequence")
+        self._answer = contract.reader("Report", "Answer")
         self._status_word = contract.reader("Table", "StatusWord")
         self._heartbeats = range(
             contract.identifier("Heartbeat", NODES.start),
@@ -172,13 +182,9 @@ class Node:
 
     def close(self) -> None:
         """Closes the bus. What the node does is left as it is."""
-        if self._notifier is not None:
-            self._notifier.stop()
-            self._notifier = None
         if self._bus is not None:
-            with contextlib.suppress(
-                Exception
-            ):  # a carrier that has gone cannot be closed properly
+            # A carrier that has gone cannot be closed properly, and says so in many ways.
+            with contextlib.suppress(Exception):
                 self._bus.shutdown()
             self._bus = None
 
@@ -216,14 +222,17 @@ class Node:
         Raises NodeLostError when the bus has failed, or a connected node is silent or has started
         afresh.
         """
-        with contextlib.suppress(queue.Empty):
-            self._take(self._queue.get(timeout=timeout))
-            for _ in range(self._queue.qsize()):
-                self._take(self._queue.get_nowait())
+        taken = 0
+        message = self._receive(timeout)
+        while message is not None:
+            self._take(message)
+            taken += 1
+            message = self._receive(0.0) if taken < _BATCH else None
+        self._drained = taken < _BATCH
         if self.info is None:
             return
         silent = time.monotonic() - self._last_heartbeat
-        if self._gone is None and silent > HEARTBEAT_TIMEOUT and self._queue.empty():
+        if self._gone is None and self._drained and silent > HEARTBEAT_TIMEOUT:
             self._gone = f"node {self.id} is lost: no heartbeat for {silent * 1e3:.0f} ms"
         if self._gone is not None:
             raise NodeLostError(self._gone)
@@ -243,20 +252,24 @@ class Node:
         Raises CommandRefusedError when the node will not, NoAnswerError when it does not answer.
         """
         message = self.contract.command(self.id, name, argument)
-        wanted = bytes(message.data[:1]), bytes(message.data[4:])
+        argument_of = self.contract.reader("Command", name)
+        wanted = self.contract.choice("Command", name), argument_of(bytes(message.data))
         self._answers.clear()
         self._send(message)
-        deadline = time.monotonic() + ANSWER_TIMEOUT
-        while time.monotonic() < deadline:
+        begin = time.monotonic()
+        while not self._timed_out(begin):
             self.poll(0.05)
             for answer in self._answers:
-                # flags hold the command's code, the value its argument, the sequence the result
-                if (answer[1:2], answer[4:]) == wanted:
-                    self.streaming = {"StreamStart": True, "StreamStop": False}.get(
-                        name, self.streaming
-                    )
-                    return self._check_result(self._sequence(answer), name, argument)
+                if (self._flags(answer), self._answer(answer)) == wanted:
+                    self._check_result(self._sequence(answer), name, argument)
+                    self.streaming = _STREAMING_AFTER.get(name, self.streaming)
+                    return
         raise NoAnswerError(f"node {self.id} does not answer the command {name}")
+
+    def _timed_out(self, begin: float) -> bool:
+        """Is an answer overdue? While frames are waiting to be dealt with, it may be among them."""
+        waited = time.monotonic() - begin
+        return waited > (ANSWER_TIMEOUT if self._drained else 10.0 * ANSWER_TIMEOUT)
 
     def _check_result(self, result: int, name: str, argument: float) -> None:
         if result != 0:
@@ -265,9 +278,19 @@ class Node:
             raise CommandRefusedError(f"node {self.id} refuses {what}: {reason}")
 
     def _open(self) -> None:
-        self._queue = queue.SimpleQueue()
         self._bus = self._open_bus()
-        self._notifier = can.Notifier(self._bus, [_Receiver(self._queue)], timeout=0.1)
+        _enlarge_receive_buffer(self._bus)
+
+    def _receive(self, timeout: float) -> can.Message | None:
+        if self._bus is None:
+            raise NodeLostError("the bus is closed")
+        try:
+            return self._bus.recv(timeout)
+        except (can.CanError, OSError) as error:
+            raise NodeLostError(f"the bus has failed: {_reason(error)}") from error
+        except (ValueError, IndexError):  # a line of SLCAN that has been garbled
+            self.errors += 1
+            return None
 
     def _send(self, message: can.Message) -> None:
         if self._bus is None:
@@ -316,9 +339,7 @@ class Node:
                 f"version {self.contract.version}; give the matching file with --dbc"
             )
 
-    def _take(self, received: can.Message | Exception) -> None:
-        if isinstance(received, Exception):
-            raise NodeLostError(f"the bus has failed: {_reason(received)}")
+    def _take(self, received: can.Message) -> None:
         if received.is_error_frame:
             self.errors += 1
         else:
@@ -351,23 +372,6 @@ class Node:
 
     def _on_table(self, payload: bytes) -> None:
         self._status = self._status_word(payload)
-
-
-class _Receiver(can.Listener):
-    """Queues what python-can's thread receives, the failure of the bus included."""
-
-    def __init__(self, received: queue.SimpleQueue[can.Message | Exception]) -> None:
-        self._put = received.put
-        self._failed = False
-
-    def on_message_received(self, msg: can.Message) -> None:
-        self._put(msg)
-
-    def on_error(self, exc: Exception) -> None:
-        if not self._failed:  # python-can tries again at once, for ever
-            self._failed = True
-            self._put(exc)
-        time.sleep(0.1)
 
 
 def node_of(arguments: argparse.Namespace) -> Node:
@@ -405,6 +409,15 @@ def _defaults(arguments: argparse.Namespace) -> dict[str, Any]:
     return defaults
 
 
+def _enlarge_receive_buffer(bus: can.BusABC) -> None:
+    """As far as this process may; other carriers than SocketCAN have no such buffer."""
+    if not isinstance(bus, SocketcanBus):
+        return
+    for option in (socket.SO_RCVBUF, _SO_RCVBUFFORCE):
+        with contextlib.suppress(OSError):
+            bus.socket.setsockopt(socket.SOL_SOCKET, option, _RECEIVE_BUFFER)
+
+
 def _reason(error: BaseException) -> str:
     """Why a bus has failed: the system's own word for it, under all that was said on top of it."""
     reason = str(error)
@@ -415,7 +428,8 @@ def _reason(error: BaseException) -> str:
         else:
             reason = str(below) or reason
         below = below.__cause__ or below.__context__
-    return reason
+    # pyserial's word for a device that was unplugged, or a program at the other end that has ended
+    return "the device has gone" if "returned no data" in reason else reason
 
 
 def _is_software(channel: str) -> bool:
