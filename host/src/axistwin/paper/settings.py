@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -52,3 +52,10 @@ class Setting:
 A = Setting("a", 512, 10)
 B = Setting("b", 2048, 146)
 SETTINGS = (A, B)
+
+
+def errors(found: Axis | Array) -> Array:
+    """Errors of I1, I2, B, K [%], (4,) or (k, 4), against Table 1."""
+    values = np.array(astuple(found)) if isinstance(found, Axis) else found
+    result: Array = 100.0 * (values / np.array(astuple(AXIS)) - 1.0)
+    return result
