@@ -2,7 +2,7 @@
 
 #include "axt_math.h"
 
-/* A sample is refused when phi' P phi and the magnitudes of its elements add up to more: far beyond
+/* A sample is refused when phi' P phi and the squares of its elements add up to more: far beyond
  * anything scaled to 1, small enough that no product in the update overflows, and that D, which is
  * at least 1 / sum(phi^2), does not fall to zero. */
 #define SAMPLE_MAX (AXT_IS_DOUBLE ? 1e25 : 1e15)
@@ -57,7 +57,7 @@ static axt_status reject(axt_rls *rls, axt_status why) {
  * has taught. */
 static inline axt_real information_gain(axt_real lost, axt_real spread) {
     const axt_real kept = AXT_R(1) - lost;
-    return (lost < (AXT_R(1) + kept) * spread) ? kept - lost / spread : AXT_R(-1);
+    return (lost < (kept + AXT_R(1)) * spread) ? kept - lost / spread : AXT_R(-1);
 }
 
 /* Where information is taken away the factors grow; no element of D beyond its start. */
@@ -82,7 +82,7 @@ AXT_UNROLLED axt_status update(axt_rls *restrict rls, uint32_t n, uint32_t m,
     AXT_UNROLL
     for (uint32_t j = 0; j < n; j++) {
         f[j] = phi[j];
-        size += axt_abs(phi[j]);
+        size = axt_fma(phi[j], phi[j], size);
         AXT_UNROLL
         for (uint32_t i = 0; i < j; i++) {
             f[j] = axt_fma(factor[packed(i, j)], phi[i], f[j]);
@@ -93,7 +93,7 @@ AXT_UNROLLED axt_status update(axt_rls *restrict rls, uint32_t n, uint32_t m,
     size += spread;
     AXT_UNROLL
     for (uint32_t k = 0; k < m; k++) {
-        size += axt_abs(y[k]);
+        size = axt_fma(y[k], y[k], size);
     }
     if (!(size <= AXT_R(SAMPLE_MAX))) {
         return reject(rls, axt_finite(size) ? AXT_ERROR_RANGE : AXT_ERROR_NOT_FINITE);
