@@ -8,9 +8,9 @@ enum {
     RELATIVE_ERROR = 10   /* valid: the standard error is less than a tenth of the value */
 };
 
-/* The prior of the scaled problem: large enough to be forgotten, small enough that the first
- * updates leave digits in P. */
-#define PRIOR (AXT_IS_DOUBLE ? AXT_R(1e13) : AXT_R(1e6))
+/* The prior of the scaled problem: so large that it is forgotten within a few samples. In float,
+ * what it still pulls after some hundred would stay: corrections below the rounding are lost. */
+#define PRIOR (AXT_IS_DOUBLE ? AXT_R(1e13) : AXT_R(1e9))
 
 axt_status axt_ident_init(axt_ident *ident, const axt_ident_config *config) {
     axt_ident fresh = {.weight = AXT_R(0)};

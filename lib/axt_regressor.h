@@ -41,9 +41,9 @@ typedef struct {
     axt_ident_form form;
     axt_real time_step;  /* between samples [s] */
     axt_real forgetting; /* lambda of the estimator, 0.9 .. 1; 1 - 1/n remembers about n samples */
-    axt_axis expected; /* the axis as far as it is known: within a factor of 100 is enough. Sets the
+    axt_axis expected; /* the axis as far as it is known: within a factor of 10 is enough. Sets the
                           scaling (powers of two) and the filter, never the answer */
-    axt_real torque;   /* size of the torque to come [N m], within a factor of 100 */
+    axt_real torque;   /* size of the torque to come [N m], within a factor of 10 */
     uint32_t counts_per_turn[2]; /* encoders at motor and table; 0: samples come with speeds */
 } axt_ident_config;
 

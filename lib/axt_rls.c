@@ -5,7 +5,7 @@
 /* A sample is refused when phi' P phi and the squares of its elements add up to more: far beyond
  * anything scaled to 1, small enough that no product in the update overflows, and that D, which is
  * at least 1 / sum(phi^2), does not fall to zero. */
-#define SAMPLE_MAX (AXT_IS_DOUBLE ? 1e25 : 1e15)
+#define SAMPLE_MAX (AXT_IS_DOUBLE ? 1e25 : 1e18)
 
 /* Place of element (i, j), i <= j, of the upper triangle stored by columns: the same for any number
  * of inputs, so that fewer than five are five with zeros. */

@@ -55,7 +55,7 @@ void axt_rls_reset(axt_rls *rls);
 
 /* One sample: phi[inputs], y[outputs], scaled to about 1. Cost for 5 x 4: 104 multiply-adds and 7
  * divisions; for 3 x 2: 38 and 5; for any other shape that of 5 x 4. AXT_ERROR_NOT_FINITE, or
- * AXT_ERROR_RANGE when phi' P phi and the squares of all elements add up to more than 1e15 (1e25 in
+ * AXT_ERROR_RANGE when phi' P phi and the squares of all elements add up to more than 1e18 (1e25 in
  * double): counted in `rejected`, nothing else changes. */
 axt_status axt_rls_update(axt_rls *rls, const axt_real *phi, const axt_real *y);
 
