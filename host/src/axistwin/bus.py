@@ -20,6 +20,7 @@ from typing import Any
 import can
 import can.cli
 import can.util
+from can.interfaces.slcan import slcanBus
 from can.interfaces.socketcan import SocketcanBus
 
 from axistwin.contract import NODES, Contract, load_contract
@@ -186,6 +187,8 @@ class Node:
             # A carrier that has gone cannot be closed properly, and says so in many ways.
             with contextlib.suppress(Exception):
                 self._bus.shutdown()
+            if isinstance(self._bus, slcanBus):  # stays open where it could not say goodbye
+                self._bus.serialPortOrig.close()
             self._bus = None
 
     def connect(self, wait: float, tell: Tell) -> NodeInfo:

@@ -71,14 +71,14 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError(f"--settle has to be 0 or more seconds, not {arguments.settle}")
     terminal = Terminal()
     with bus.node_of(arguments) as node:
+        trace = _Trace(node, terminal)
         info = node.connect(arguments.wait, terminal.note)
         terminal.note(f"node {node.id}: {info}")
         count = arguments.samples or min(_SAMPLES, info.trace_capacity)
-        trace = _Trace(node, count, terminal)
         with excitation.excited(node, arguments):
             if arguments.excite:
                 trace.wait(arguments.settle)
-            trace.capture()
+            trace.capture(count)
         trace.upload()
         terminal.clear()
     _save(trace, path)
@@ -103,14 +103,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 class _Trace:
-    """A trace on its way from the node."""
+    """A trace on its way from the node. Make it before connecting: it keeps what the node says."""
 
-    def __init__(self, node: bus.Node, count: int, terminal: Terminal) -> None:
+    def __init__(self, node: bus.Node, terminal: Terminal) -> None:
         self.uploads = 0
         self.checksum = 0
         self.reports: list[can.Message] = []
         self._node = node
-        self._count = count
+        self._count = 0
         self._terminal = terminal
         self._frames: dict[int, can.Message] = {}
         contract = node.contract
@@ -132,8 +132,9 @@ class _Trace:
         collected = frames.Frames.of(self.messages)
         return frames.decode(collected, self._node.contract, source, settings, "trace")
 
-    def capture(self) -> None:
-        """Has the node capture; raises BusError when it does not finish."""
+    def capture(self, count: int) -> None:
+        """Has the node capture ``count`` samples; raises BusError when it does not finish."""
+        self._count = count
         node = self._node
         assert node.info is not None
         node.command("TraceArm", self._count)

@@ -1,0 +1,99 @@
+"""The live stream on a real CAN interface: nothing is lost, and what is wrong is seen."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import can
+import pytest
+
+from axistwin.readers import read_record
+
+from .conftest import VCAN, Carrier, Host, StartEmulator
+
+DURATION = 60.0
+RATE = 1000.0
+
+
+def test_a_minute_of_live_stream_without_a_lost_sample(
+    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
+) -> None:
+    emulator = start_emulator(vcan, "--rate", "20000", "--stream-rate", str(RATE))
+    log, summary = tmp_path / "minute.log", tmp_path / "minute.json"
+    arguments = ("--duration", str(DURATION), "-f", str(log), "--json", str(summary))
+    outcome = host("log", *vcan.host, "--excite", *arguments)
+    print(outcome.messages)
+    outcome.expect(0)
+
+    found = json.loads(summary.read_text())
+    assert found["lost"] == 0
+    assert found["bus_errors"] == 0
+    assert found["gaps"] == []
+    assert found["samples"] >= 0.99 * DURATION * RATE
+    assert 0.2 < found["bus_load"] < 0.35  # 2000 frames/s of at most 135 bits at 1 Mbit/s
+
+    record = read_record(log)
+    assert len(record) == found["samples"]
+    assert len(record.missing) == 0
+    assert record.time_step == pytest.approx(1.0 / RATE)
+    assert record.counts_per_turn == (1 << 20, 1 << 20)
+    assert " 0 lost" in emulator.stop()
+
+
+def test_frames_of_others_and_frames_of_the_wrong_length_do_no_harm(
+    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
+) -> None:
+    start_emulator(vcan, "--stream-rate", "100")
+    log = tmp_path / "disturbed.log"
+    with can.Bus(VCAN, "socketcan") as other:
+        tasks = [
+            other.send_periodic(
+                can.Message(arbitration_id=identifier, data=data, is_extended_id=extended), 0.05
+            )
+            for identifier, data, extended in (
+                (0x181, b"\x00" * 5, False),  # a Motor frame cut short
+                (0x381, b"\x02", False),  # a report cut short
+                (0x701, b"", False),  # a heartbeat that says nothing
+                (0x1A5, b"\xff" * 8, False),  # another device of the bus
+                (0x18FF0181, b"\xff" * 8, True),
+            )
+        ]
+        outcome = host("log", *vcan.host, "--duration", "3", "-f", str(log))
+        for task in tasks:
+            task.stop()
+    outcome.expect(0)
+    record = read_record(log)
+    assert len(record) > 200
+    assert len(record.missing) == 0
+    assert any("Motor frames do not have 8 bytes" in warning for warning in record.warnings)
+
+
+def test_lost_frames_are_counted_and_interpolated(
+    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
+) -> None:
+    start_emulator(vcan, "--stream-rate", "100")
+    log, thinned = tmp_path / "whole.log", tmp_path / "thinned.log"
+    host("log", *vcan.host, "--excite", "--duration", "3", "-f", str(log)).expect(0)
+    lines = log.read_text().splitlines(keepends=True)
+    motor = [i for i, line in enumerate(lines) if " 181#" in line]
+    dropped = [motor[20], motor[21], motor[100]]
+    thinned.write_text("".join(line for i, line in enumerate(lines) if i not in dropped))
+    whole, record = read_record(log), read_record(thinned)
+    assert record.missing.tolist() == [20, 21, 100]
+    kept = [i for i in range(len(whole)) if i not in (20, 21, 100)]
+    assert (record.torque[kept] == whole.torque[kept]).all()
+    assert (record.time == whole.time).all()
+
+
+def test_two_nodes_share_a_bus(
+    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
+) -> None:
+    start_emulator(vcan, "--node", "1", "--stream-rate", "100", "--stream")
+    start_emulator(vcan, "--node", "2", "--stream-rate", "100", "--stream")
+    time.sleep(0.5)
+    log = tmp_path / "two.log"
+    host("log", *vcan.host, "--node", "2", "--duration", "2", "-f", str(log)).expect(0)
+    outcome = host("identify", str(log))
+    outcome.expect(2, "holds nodes 1, 2; say which one with --node")
