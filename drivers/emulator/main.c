@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
 
 #include "axt_contract.h"
 #include "axt_emulated_axis.h"
@@ -123,6 +124,7 @@ int main(int argc, char **argv) {
         return (todo == AXT_EMULATOR_EXIT) ? EXIT_FINE : EXIT_USAGE;
     }
     catch_signals();
+    (void)prctl(PR_SET_TIMERSLACK, 1UL); /* [ns]; by default timers may be 50 us late */
     if (options.realtime_priority > 0 && !become_realtime(options.realtime_priority)) {
         return EXIT_BUS;
     }

@@ -43,9 +43,9 @@ static const char usage[] =
     "  --simulated           as fast as it goes; the stream loses nothing: time waits for it\n"
     "  --duration S          end after this much axis time (default: go on until a signal)\n"
     "  --wake HZ             how often the process wakes up to run the control periods that are\n"
-    "                        due (default: 1000). Each wake-up costs some 10 us of processor\n"
-    "                        time, so waking up for every single period is dear; the axis cannot\n"
-    "                        tell, for its time is counted in periods\n"
+    "                        due (default: 1000). Waking up for every single period takes a\n"
+    "                        tenth of a processor at 20 kHz, where 1000 a second take less than a\n"
+    "                        hundredth; the axis cannot tell, for its time is counted in periods\n"
     "  --realtime-priority N run under SCHED_FIFO with this priority, memory locked\n"
     "\n"
     "  --help, --version\n";
@@ -218,6 +218,8 @@ static bool read_one(int option, axt_emulator_options *options, double *stream_r
     switch (option) {
     case BUS:
         options->bus = text;
+        fine =
+            text[0] != '\0' || complain("bus", "a CAN interface, pty, pty:LINK or tcp:[HOST:]PORT");
         break;
     case BIT_RATE:
         fine = read_integer("bit-rate", text, 0, 1000000000, &options->bit_rate);
