@@ -34,8 +34,13 @@ _STEP = 6e-6
 _ROUNDS = 5
 _WEIGHTS_SETTLED = 0.01
 
+#: Corners of the filter to start with, how often it is moved at most, and the change that ends it.
 _CORNERS = 8
 _PASSES = 3
+_CORNER_SETTLED = 0.02
+
+#: Evaluations of the fit: a start that is any good needs five.
+_EVALUATIONS_MAX = 50
 
 Progress = Callable[[str], None]
 
@@ -88,10 +93,13 @@ def fit(samples: Samples, start: core.Axis, progress: Progress = lambda _: None)
             jacobian,
             bounds=(lower, np.inf),
             x_scale="jac",
-            xtol=1e-13,
-            ftol=1e-13,
+            xtol=1e-12,
+            ftol=1e-10,
             gtol=None,
+            max_nfev=_EVALUATIONS_MAX,
         )
+        if solution.status <= 0:
+            raise NotEnoughDataError("no two-inertia axis comes near to what was measured")
         unknowns = solution.x * scale
         errors = problem.simulate(unknowns) - problem.measured
         settled = sigma
@@ -126,6 +134,12 @@ def find_start(samples: Samples, progress: Progress = lambda _: None) -> core.Ax
         raise NotEnoughDataError("no resonance of motor against table is to be seen in this record")
     sigma = problem.noise_guess()
     return min(axes, key=lambda axis: float(np.sum((problem.complete(axis)[1] / sigma) ** 2)))
+
+
+def filter_corner(axis: core.Axis, samples: Samples) -> float:
+    """The best corner of the filtered regression [rad/s]: at the natural frequency, where the twist
+    shows, but below the Nyquist frequency."""
+    return min(core.modal(axis).wn, 2.0 / samples.time_step)
 
 
 def adjust_start(samples: Samples, axis: core.Axis) -> Array:
@@ -204,8 +218,9 @@ class _Problem:
         twist = float(np.std(samples.twist))
         travel = float(np.ptp(samples.theta1))
         damping = max(axis.B, 2e-3 * axis.K / wn)
-        load = float(np.std(samples.torque))
-        state = (twist, twist * wn, travel / samples.duration, travel)
+        speed = travel / samples.duration
+        load = (axis.I1 + axis.I2) * speed / samples.duration
+        state = (twist, twist * wn, speed, travel)
         return np.array([axis.I1, axis.I2, damping, axis.K, *state, twist, load])
 
     def noise_guess(self) -> Array:
@@ -232,7 +247,9 @@ def _refiltered(samples: Samples, corner: float) -> core.Axis | None:
         if axis is None:
             break
         found = axis
-        corner = min(core.modal(axis).wn, 2.0 / samples.time_step)
+        before, corner = corner, filter_corner(axis, samples)
+        if abs(corner / before - 1.0) < _CORNER_SETTLED:
+            break
     return found
 
 

@@ -24,6 +24,9 @@ from axistwin.identify.statistics import covariance, gradient, least_squares
 #: The slowest pole of the filter is half the corner: e^-16, 1e-7, of its start is left after this.
 _SETTLING_RADIANS = 32.0
 
+#: Coefficients of (1 - z^-1)^k (1 + z^-1)^(3 - k), k = 0 .. 3 downwards.
+_TRAPEZOIDAL = np.array([[1, 3, 3, 1], [1, 1, -1, -1], [1, -1, -1, 1], [1, -3, 3, -1]], np.float64)
+
 
 @dataclass(frozen=True)
 class Equations:
@@ -86,20 +89,23 @@ def solve_with_covariance(equations: Equations) -> tuple[Array, Array]:
 
 
 class _StateVariableFilter:
-    """F(s) = w^3 / ((s + w) (s^2 + w s + w^2)) and derivatives of what comes out of it."""
+    """F(s) = w^3 / (s^3 + 2 w s^2 + 2 w^2 s + w^3) and derivatives of what comes out of it.
+
+    The trapezoidal rule puts 2/Dt (1 - z^-1) / (1 + z^-1) in the place of s.
+    """
 
     def __init__(self, corner: float, time_step: float) -> None:
-        denominator = np.polymul([1.0, corner], [1.0, corner, corner**2])
-        self._coefficients = [
-            scipy.signal.bilinear([corner**3] + order * [0.0], denominator, 1.0 / time_step)
-            for order in range(4)
-        ]
+        # s^k over the common (1 + z^-1)^3
+        self._powers = (2.0 / time_step) ** np.arange(4.0)[:, None] * _TRAPEZOIDAL
+        self._gain = corner**3
+        w = corner
+        self._denominator = np.array([w**3, 2.0 * w**2, 2.0 * w, 1.0]) @ self._powers
         self.settling = int(_SETTLING_RADIANS / (corner * time_step)) + 1
 
     def derivative(self, signal: Array, order: int) -> Array:
         """Derivative of the filtered signal, as if its first sample had stood there for ever."""
-        b, a = self._coefficients[order]
-        result: Array = scipy.signal.lfilter(b, a, signal - signal[0])
+        numerator = self._gain * self._powers[order]
+        result: Array = scipy.signal.lfilter(numerator, self._denominator, signal - signal[0])
         return result
 
 

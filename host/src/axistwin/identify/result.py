@@ -39,6 +39,9 @@ _UNITS = {
 #: A parameter is determined when its standard error is below this share of it, as on the node.
 _RELATIVE_ERROR_MAX = 0.1
 
+#: A residual below this share of the signal is rounding of the record itself.
+_ROUNDING = 1e-6
+
 
 def unit(name: str, linear: bool) -> str:
     """Unit of a parameter or channel, for a rotary or a linear axis."""
@@ -282,7 +285,7 @@ def _title(result: Identification) -> str:
 
 
 def _row(name: str, item: Quantity, known: Mapping[str, float]) -> str:
-    line = f"{f'{name} ({item.unit})':20}"
+    line = f"{f'{_label(name, item)} ({item.unit})':20}"
     if known:
         line += f"{known[name]:13.6g}" if name in known else f"{'':13}"
     line += f"{item.value:13.6g}"
@@ -296,10 +299,16 @@ def _row(name: str, item: Quantity, known: Mapping[str, float]) -> str:
     return line + f"{'>100':>8}"
 
 
+def _label(name: str, item: Quantity) -> str:
+    """The name that the field gives it: inertias of a linear axis are masses."""
+    return name.replace("I", "M") if item.unit == "kg" else name
+
+
 def _by_method(result: Identification, known: Mapping[str, float]) -> list[str]:
     names = [name for name in result.estimate.params if not known or name in known]
     what = "Error (%) by method" if known else "By method"
-    lines = [f"{what:28}" + "".join(f"{name:>13}" for name in names)]
+    labels = [_label(name, result.estimate.params[name]) for name in names]
+    lines = [f"{what:28}" + "".join(f"{label:>13}" for label in labels)]
     for estimate in (result.estimate, *result.others):
         cells = (
             _percent(estimate.params[name].value, known[name])
@@ -322,7 +331,9 @@ def _quality(result: Identification) -> list[str]:
             f"Residual of {channel.name}: {size} rms, "
             f"{100.0 * channel.relative_error:.3g} % of the signal"
         )
-    if result.whiteness.white:
+    if max(channel.relative_error for channel in result.comparisons) < _ROUNDING:
+        lines.append("The residual is no more than rounding: nothing is left to explain.")
+    elif result.whiteness.white:
         lines.append("The residual is white: nothing is left to explain.")
     else:
         lines.append(

@@ -137,7 +137,7 @@ def _batch(samples: Samples, axis: core.Axis) -> Estimate:
     if samples.has_speeds:
         method, equations = "least squares, midpoint", regression.midpoint(samples)
     else:
-        corner = min(core.modal(axis).wn, 2.0 / samples.time_step)
+        corner = output_error.filter_corner(axis, samples)
         method, equations = "least squares, filtered", regression.filtered(samples, corner)
     values, spread = regression.solve_with_covariance(equations)
     return axis_estimate(method, values, spread, equations.outputs.size - 6, samples.linear)
