@@ -51,6 +51,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     verb = next((argument for argument in arguments if argument in _VERBS), None)
     signal.signal(signal.SIGTERM, _interrupt)
+    # Our matrices are small: on a busy machine, threads cost ten times what they gain.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         parsed = make_parser(verb).parse_args(arguments)
         module: Any = importlib.import_module(_VERBS[parsed.verb][0])
