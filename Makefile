@@ -19,8 +19,9 @@ endif
 .SECONDARY:
 .PHONY: help demo test check size docs install clean
 
-help: ## this list
-	sed -n 's/^\([a-z]*\):[^#]*## /\1 \t/p' Makefile | expand -t 10
+## help      this list
+help:
+	sed -n 's/^## //p' Makefile
 
 # ---- Set-up: once, and again when what it depends on changes ------------------------------------
 
@@ -84,7 +85,8 @@ $(BUILD)/$1/lib/%.o: lib/%.c Makefile | $(BUILD)/packages-$3
 	mkdir -p $$(@D)
 	$2 $$(CORE_FLAGS) $4 -c $$< -o $$@
 
-$(BUILD)/$1/drivers/node/%.o: drivers/node/%.c Makefile | $(BUILD)/packages-$3 $(CONTRACT)/axt_contract.h
+$(BUILD)/$1/drivers/node/%.o: drivers/node/%.c Makefile | $(BUILD)/packages-$3 \
+		$(CONTRACT)/axt_contract.h
 	mkdir -p $$(@D)
 	$2 $$(DRIVER_FLAGS) -ffreestanding $4 -c $$< -o $$@
 
@@ -149,7 +151,8 @@ C_FILES := $(wildcard lib/*.[ch] host/native/*.[ch] drivers/*/*.[ch] tests/unit/
 PY_CODE := host drivers tests
 SCRIPTS := $(filter-out %.py %.txt,$(wildcard tests/tools/*)) .ci/run
 QUICK   := $(addprefix unit-,gcc-float gcc-double) host-tests \
-           $(addprefix lint-,ruff ruff-format mypy clang-format clang-tidy cppcheck shellcheck) wire-page
+           $(addprefix lint-,ruff ruff-format mypy clang-format clang-tidy cppcheck shellcheck) \
+           wire-page
 ALL     := $(QUICK) $(filter-out $(QUICK),$(VARIANTS:%=unit-%)) races size installed hil
 
 .PHONY: $(ALL)
@@ -192,19 +195,24 @@ installed: $(BUILD)/packages-check
 
 # ---- Verbs ---------------------------------------------------------------------------------------
 
-demo: $(VENV)/.host $(BUILD)/axistwin-emulator ## identify an emulated axis over CAN, from nothing to a table and plots
+## demo      identify an emulated axis over CAN, from nothing to a table and plots
+demo: $(VENV)/.host $(BUILD)/axistwin-emulator
 	$(VENV)/bin/axistwin demo --output $(BUILD)/demo
 
-check: $(VENV)/.host-test ## the quick part of the tests: unit and host tests, linters
+## check     the quick part of the tests: unit and host tests, linters
+check: $(VENV)/.host-test
 	$(VENV)/bin/python tests/tools/suites.py $(QUICK)
 
-test: $(VENV)/.host-test ## everything: all variants, cross compilation, hardware in the loop on a real vcan
+## test      everything: all variants, cross compilation, hardware in the loop on a real vcan
+test: $(VENV)/.host-test
 	$(VENV)/bin/python tests/tools/suites.py --show hil $(ALL)
 
-size: $(BUILD)/packages-size $(BUILD)/packages-build ## text, data, stack and state by target (build/size.json)
+## size      text, data, stack and state by target (build/size.json)
+size: $(BUILD)/packages-size $(BUILD)/packages-build
 	CORE_FLAGS="$(CORE_FLAGS)" $(PYTHON) tests/tools/size.py $(BUILD)/size.json
 
-docs: $(VENV)/.build-tools ## the pages that are made from sources
+## docs      the pages that are made from sources
+docs: $(VENV)/.build-tools
 	$(VENV)/bin/python drivers/contract/generate.py --page docs/wire.md
 
 INSTALLED      := $(DESTDIR)$(PREFIX)
@@ -217,14 +225,16 @@ define install-library
 	    lib/axistwin.pc.in >$(INSTALLED)/lib/pkgconfig/$1.pc
 endef
 
-install: $(REALS:%=$(BUILD)/gcc-%/libaxistwin.a) $(BUILD)/axistwin-emulator ## library, headers, pkg-config files, emulator; PREFIX= DESTDIR=
+## install   library, headers, pkg-config files, emulator; PREFIX= DESTDIR=
+install: $(REALS:%=$(BUILD)/gcc-%/libaxistwin.a) $(BUILD)/axistwin-emulator
 	install -d $(INSTALLED)/bin $(INSTALLED)/include/axistwin $(INSTALLED)/lib/pkgconfig
 	install -m 755 $(BUILD)/axistwin-emulator $(INSTALLED)/bin
 	install -m 644 $(PUBLIC_HEADERS) $(INSTALLED)/include/axistwin
 	$(call install-library,axistwin,float)
 	$(call install-library,axistwin-double,double)
 
-clean: ## remove what was built (not .venv)
+## clean     remove what was built (not .venv)
+clean:
 	rm -rf $(BUILD)
 
 # ---- Bench: what the core costs and survives ------------------------------------------------------
@@ -236,5 +246,6 @@ $(VENV)/.bench: tests/tools/constraints.txt | $(VENV)/.build-tools
 	touch $@
 
 .PHONY: bench
-bench: $(BUILD)/packages-build $(BUILD)/packages-bench $(VENV)/.bench ## cost and survival beside their targets (build/bench.json); PART=instructions.cortex-m4f: only that
+## bench     cost and survival beside their targets (build/bench.json); PART=instructions.cortex-m4f: only that
+bench: $(BUILD)/packages-build $(BUILD)/packages-bench $(VENV)/.bench
 	CORE_FLAGS="$(CORE_FLAGS)" PYTHONPATH=tests/tools $(VENV)/bin/python tests/bench/bench.py $(PART)
