@@ -20,17 +20,6 @@ axt_status axt_loop_rls(uint32_t inputs, uint32_t outputs, axt_real forgetting, 
                         const axt_real *phi, const axt_real *y, size_t n, size_t every,
                         axt_real *theta, uint8_t *definite, size_t *done);
 
-/* The equations that axt_regressor_motion() makes of n samples: phi[count][3 or 5] and
- * y[count][2 or 4], room for n - 1 of them. */
-axt_status axt_loop_equations(const axt_ident_config *config, const axt_motion *motion,
-                              const axt_real *torque, size_t n, axt_real *phi, axt_real *y,
-                              size_t *count);
-
-/* The axes that k solutions theta[][2 or 4][3 or 5] of those equations stand for; all zero where it
- * is none. */
-axt_status axt_loop_axes(const axt_ident_config *config, const axt_real *theta, size_t k,
-                         axt_axis *axes);
-
 /* The excitation identified back (Eq. 18): mean torque over each of the n - 1 steps. */
 axt_status axt_loop_torque(const axt_axis *axis, axt_real time_step, const axt_motion *motion,
                            size_t n, axt_real *mean, size_t *done);

@@ -18,9 +18,6 @@ from axistwin.core import Array, IdentSettings, Motion, Precision
 from axistwin.errors import InputError, NotEnoughDataError
 from axistwin.paper import native
 
-#: Start of P for the scaled equations, as in axt_ident.c: forgotten soon, yet P keeps its digits.
-_PRIOR: dict[Precision, float] = {"float32": 1e6, "float64": 1e13}
-
 #: Instrumental variables refuse an equation now and then before P has come down from its start.
 _REFUSED_MAX = 0.001
 
@@ -97,7 +94,7 @@ def least_squares(
     found = native.recursive_least_squares(
         equations.phi,
         equations.y,
-        prior=_PRIOR[equations.precision],
+        prior=native.PRIOR[equations.precision],
         forgetting=forgetting,
         every=every,
         precision=equations.precision,
@@ -109,7 +106,7 @@ def extended(equations: Equations, *, forgetting: float = 1.0, every: int | None
     """The same by axt_els: extended least squares."""
     run = _Run(equations, every)
     c = run.core
-    prior = _PRIOR[equations.precision]
+    prior = native.PRIOR[equations.precision]
     return run.finish(
         c.lib.axt_loop_els(forgetting, prior, *run.equations, run.every, *run.results)
     )
@@ -127,7 +124,7 @@ def instrumental(
         raise InputError(f"{len(equations.phi)} equations hold no instruments {delay} earlier")
     run = _Run(equations, every)
     c = run.core
-    prior = _PRIOR[equations.precision]
+    prior = native.PRIOR[equations.precision]
     return run.finish(
         c.lib.axt_loop_iv(forgetting, prior, *run.equations, delay, run.every, *run.results)
     )

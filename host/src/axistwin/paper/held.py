@@ -30,9 +30,6 @@ from axistwin.core import Array, Axis, Motion, Precision
 from axistwin.paper import native
 from axistwin.paper.settings import AXIS, MODAL, RMS
 
-#: Start of P for the scaled equations, as in axt_ident.c.
-PRIOR: dict[Precision, float] = {"float32": 1e6, "float64": 1e13}
-
 
 @dataclass(frozen=True)
 class HeldEquations:
@@ -106,5 +103,9 @@ def parameters(given: HeldEquations, theta: Array, *, cayley: bool = False) -> A
 def identify(given: HeldEquations, every: int | None = None) -> native.Regression:
     """Eqs. 14-16 over the equations; read the solutions by parameters()."""
     return native.recursive_least_squares(
-        given.phi, given.y, prior=PRIOR[given.precision], every=every, precision=given.precision
+        given.phi,
+        given.y,
+        prior=native.PRIOR[given.precision],
+        every=every,
+        precision=given.precision,
     )

@@ -15,6 +15,10 @@ from axistwin.errors import InputError
 Method: TypeAlias = Literal["newmark", "houbolt", "wilson", "runge_kutta", "exact", "exact_held"]
 
 
+#: Start of P for equations scaled to about 1, as in axt_ident.c: forgotten soon.
+PRIOR: dict[Precision, float] = {"float32": 1e9, "float64": 1e13}
+
+
 @dataclass(frozen=True)
 class Regression:
     """Recursive least squares as it went on: k states of it.
@@ -25,15 +29,6 @@ class Regression:
 
     theta: Array
     definite: npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Equations:
-    """Equations of motion, y (n, outputs) = phi (n, inputs) theta', scaled to about 1."""
-
-    settings: IdentSettings
-    phi: Array
-    y: Array
 
 
 def integrate(
@@ -105,44 +100,6 @@ def recursive_least_squares(
     )
     core._check(c, status, f"recursive least squares stopped at equation {done[0]}")
     return Regression(theta.astype(np.float64), definite.astype(np.bool_))
-
-
-def equations(settings: IdentSettings, motion: Motion, torque: npt.ArrayLike) -> Equations:
-    """What axt_regressor.h makes of motion with speeds and torque (n,) [N m]: n - 1 equations."""
-    c = core._load(motion.precision)
-    inputs, outputs = (int(size) for size in settings.form.split("x"))
-    values = core._reals(c, torque, "torque")
-    if len(values) != len(motion):
-        raise InputError(f"{len(motion)} samples of the motion, {len(values)} of the torque")
-    phi = np.zeros((max(len(motion) - 1, 0), inputs), c.real)
-    y = np.zeros((len(phi), outputs), c.real)
-    count = c.ffi.new("size_t *")
-    status = c.lib.axt_loop_equations(
-        _config(c, settings),
-        c.array("axt_motion", motion.samples),
-        c.array("axt_real", values),
-        len(motion),
-        c.array("axt_real", phi.ravel()),
-        c.array("axt_real", y.ravel()),
-        count,
-    )
-    core._check(c, status, f"equations of motion stopped at equation {count[0]}")
-    return Equations(settings, phi.astype(np.float64), y.astype(np.float64))
-
-
-def axes(settings: IdentSettings, theta: Array, precision: Precision = "float64") -> Array:
-    """I1, I2, B, K (k, 4) for solutions (k, outputs, inputs) of equations(); 0 where none is."""
-    c = core._load(precision)
-    found = np.zeros(len(theta), c.dtype("axt_axis"))
-    given = np.ascontiguousarray(theta, c.real)
-    status = c.lib.axt_loop_axes(
-        _config(c, settings),
-        c.array("axt_real", given.ravel()),
-        len(theta),
-        c.array("axt_axis", found),
-    )
-    core._check(c, status, f"parameters from {settings}")
-    return core._table(found)
 
 
 def identified_torque(axis: Axis, time_step: float, motion: Motion) -> Array:

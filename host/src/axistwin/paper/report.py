@@ -7,6 +7,7 @@ that the paper has no counterpart for.
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 import sys
@@ -19,10 +20,13 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
+from PIL import Image
 
 from axistwin.errors import InputError
 
 Verdict: TypeAlias = Literal["reproduced", "within rounding", "not reproduced"]
+
+_COLOURS = 128
 
 
 @dataclass(frozen=True)
@@ -98,7 +102,7 @@ class Report:
 
         ``data`` has a column for each key (name and unit); columns may differ in length.
         """
-        figure.savefig(self.folder / f"{name}.png")
+        _save(figure, self.folder / f"{name}.png")
         columns = [np.asarray(column).ravel() for column in data.values()]
         with (self.folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
@@ -119,6 +123,13 @@ class Report:
         """Writes tables.json and studies.json."""
         _write(self.folder / "tables.json", self.tables)
         _write(self.folder / "studies.json", self.studies)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    """Saves as PNG with a palette: a quarter of the size, and no difference to the eye."""
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png")
+    Image.open(drawn).convert("RGB").quantize(_COLOURS).save(path, optimize=True)
 
 
 def _write(path: Path, tables: Mapping[str, Sequence[Cell | Value]]) -> None:

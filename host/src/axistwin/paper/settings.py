@@ -12,6 +12,9 @@ from axistwin.core import Array, Axis, Modal
 AXIS: Axis = core.paper_axis()
 MODAL: Modal = core.modal(AXIS)
 
+#: The parameters in the order of Axis.
+NAMES = ("I1", "I2", "B", "K")
+
 #: Size of the excitation where the paper gives none [N m].
 RMS = 0.2
 
