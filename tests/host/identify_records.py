@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from axistwin import core
+from axistwin.identify import Quantity
 from axistwin.record import Record
 
 PARAMETERS = ("I1", "I2", "B", "K")
@@ -18,12 +21,16 @@ TORQUE_STEP = 0.64e-4
 _TURN = 2.0 * np.pi
 
 
-def excitation(rms: float = 0.2, seed: int = 0, period: int = PERIOD, line: int = LINE):
+def excitation(rms: float = 0.2, seed: int = 0) -> tuple[core.Array, float]:
     """One period of the excitation as it goes over the wire, and the time step it is made for."""
-    axis = core.paper_axis()
-    table = core.schroeder(period, 2 * line, rms, seed=seed, precision="float32")
-    time_step = core.time_step(period, line, core.modal(axis).wn)
-    return TORQUE_STEP * np.rint(table / TORQUE_STEP), time_step
+    table = core.schroeder(PERIOD, 2 * LINE, rms, seed=seed, precision="float32")
+    time_step = core.time_step(PERIOD, LINE, core.modal(core.paper_axis()).wn)
+    return np.float64(TORQUE_STEP) * np.rint(table / TORQUE_STEP), time_step
+
+
+def evenly(count: int, time_step: float) -> core.Array:
+    """Times of ``count`` samples [s]."""
+    return time_step * np.arange(count, dtype=np.float64)
 
 
 def trace(
@@ -47,7 +54,7 @@ def trace(
     angles = core.read_encoders(motion, counts)[chosen] * (_TURN / np.array(counts))
     step = time_step * decimation
     return Record(
-        time=step * np.arange(samples),
+        time=evenly(samples, step),
         torque=torque[chosen],
         theta1=angles[:, 0],
         theta2=angles[:, 1],
@@ -60,7 +67,7 @@ def trace(
 def ideal(
     axis: core.Axis,
     time_step: float,
-    torque: np.ndarray,
+    torque: core.Array,
     *,
     precision: core.Precision = "float64",
     speeds: bool = False,
@@ -69,7 +76,7 @@ def ideal(
     """The motion itself, not rounded to counts."""
     motion = core.simulate(axis, time_step, torque, state, precision=precision)
     return Record(
-        time=time_step * np.arange(len(torque)),
+        time=evenly(len(torque), time_step),
         torque=torque,
         theta1=motion.theta1,
         theta2=motion.theta2,
@@ -79,6 +86,6 @@ def ideal(
     )
 
 
-def relative_errors(params, axis: core.Axis) -> np.ndarray:
+def relative_errors(params: Mapping[str, Quantity], axis: core.Axis) -> core.Array:
     """Relative errors of I1, I2, B, K, (4,)."""
     return np.array([params[name].value / getattr(axis, name) - 1.0 for name in PARAMETERS])

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 import scipy.signal
 
+from axistwin.core import Array
 from axistwin.errors import NotEnoughDataError
 from axistwin.identify import statistics
 
 
-def autoregressive(rng: np.random.Generator, shape: tuple[int, int], rho: float) -> np.ndarray:
+def autoregressive(rng: np.random.Generator, shape: tuple[int, int], rho: float) -> Array:
     """Noise of standard deviation 1 whose neighbours are correlated by rho."""
     white = rng.standard_normal(shape) * np.sqrt(1.0 - rho**2)
-    return scipy.signal.lfilter([1.0], [1.0, -rho], white, axis=0)
+    result: Array = scipy.signal.lfilter([1.0], [1.0, -rho], white, axis=0)
+    return result
 
 
 def test_least_squares_solves_the_normal_equations() -> None:

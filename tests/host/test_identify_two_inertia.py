@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from identify_records import LINE, PARAMETERS, PERIOD, excitation, ideal, relative_errors, trace
 
 from axistwin import core
 from axistwin.errors import NotEnoughDataError
@@ -16,13 +15,24 @@ from axistwin.identify import identify, output_error, regression, validate
 from axistwin.identify.samples import longest_stretch
 from axistwin.record import Record
 
+from .identify_records import (
+    LINE,
+    PARAMETERS,
+    PERIOD,
+    evenly,
+    excitation,
+    ideal,
+    relative_errors,
+    trace,
+)
+
 PAPER = core.paper_axis()
 
 #: 1e-9 % and 1e-4 %, as fractions.
 NOISE_FREE = {"float64": 1e-11, "float32": 1e-6}
 
 
-def values(record: Record) -> np.ndarray:
+def values(record: Record) -> core.Array:
     """I1, I2, B, K as identified, (4,)."""
     params = identify(record, "two-inertia").estimate.params
     return np.array([params[name].value for name in PARAMETERS])
@@ -53,9 +63,7 @@ def test_modal_intervals_hold() -> None:
 
 @pytest.mark.parametrize(("period", "line"), [(512, 10), (PERIOD, LINE)])
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-def test_noise_free_samples_with_speeds(
-    precision: core.Precision, period: int, line: int
-) -> None:
+def test_noise_free_samples_with_speeds(precision: core.Precision, period: int, line: int) -> None:
     time_step = core.time_step(period, line, core.modal(PAPER).wn)
     torque = np.resize(core.schroeder(period, 2 * line, 0.2, precision=precision), 4 * period)
     result = identify(ideal(PAPER, time_step, torque, precision=precision, speeds=True))
@@ -149,9 +157,7 @@ def test_scale_of_time(power: int) -> None:
     # time times c under the same torque and angles: I times c^2, B times c
     factor = 2.0**power
     record = trace()
-    slower = replace(
-        record, time=factor * record.time, time_step=factor * record.time_step
-    )
+    slower = replace(record, time=factor * record.time, time_step=factor * record.time_step)
     expected = values(record) * [factor**2, factor**2, factor, 1.0]
     np.testing.assert_allclose(values(slower), expected, rtol=1e-9)
 
@@ -159,9 +165,7 @@ def test_scale_of_time(power: int) -> None:
 def test_sign() -> None:
     record = trace()
     assert record.theta2 is not None
-    turned = replace(
-        record, torque=-record.torque, theta1=-record.theta1, theta2=-record.theta2
-    )
+    turned = replace(record, torque=-record.torque, theta1=-record.theta1, theta2=-record.theta2)
     np.testing.assert_allclose(values(turned), values(record), rtol=1e-9)
 
 
@@ -250,7 +254,7 @@ def test_live_stream_of_slow_excitation_tells_the_rigid_axis() -> None:
     full = ideal(PAPER, time_step, np.resize(table, 9 * 5000))
     assert full.theta2 is not None
     stream = Record(
-        time=9 * time_step * np.arange(5000),
+        time=evenly(5000, 9 * time_step),
         torque=full.torque[::9],
         theta1=full.theta1[::9],
         theta2=full.theta2[::9],

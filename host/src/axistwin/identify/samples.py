@@ -51,7 +51,7 @@ class Samples:
     def table(self) -> Array:
         """theta2 [rad], (n,). Raises NotEnoughDataError for a record with one encoder."""
         if self.theta2 is None:
-            raise NotEnoughDataError("the record has no table angle (theta2): two inertias take both encoders")
+            raise NotEnoughDataError("no table angle (theta2): two inertias take both encoders")
         return self.theta2
 
     @property
