@@ -23,7 +23,7 @@ from axistwin import core
 from axistwin.core import Array, Axis, IdentSettings, State
 from axistwin.paper import native
 from axistwin.paper.report import Report, Value
-from axistwin.paper.settings import AXIS, MODAL, RMS, SETTINGS, Setting, errors
+from axistwin.paper.settings import AXIS, MODAL, NAMES, RMS, SETTINGS, Setting, errors
 from axistwin.paper.style import BLUE, GREEN, GREY, ORANGE, RED, SKY, panels
 
 WILSON_THETA = 1.4
@@ -42,8 +42,6 @@ _HARMONICS = np.unique(np.geomspace(10, 500, 25).astype(int))
 
 #: Smaller errors are rounding.
 _NOTHING = 1e-9
-
-PARAMETERS = ("I1", "I2", "B", "K")
 
 
 @dataclass(frozen=True)
@@ -122,7 +120,7 @@ def _rows(integrator: Integrator, x: float, found: Axis) -> list[Value]:
         Value(row, "damping, measured", damping_error(measured), ""),
         *(
             Value(row, f"{name} identified", float(error), "%")
-            for name, error in zip(PARAMETERS, errors(found), strict=True)
+            for name, error in zip(NAMES, errors(found), strict=True)
         ),
     ]
 
@@ -202,7 +200,7 @@ def _figure(report: Report) -> None:
     labels = ("|period error| [%]", "numerical damping ratio [1]")
     for panel, label in zip(axes, labels, strict=False):
         panel.set_ylabel(label)
-    for panel, name in zip(axes[2:], PARAMETERS, strict=True):
+    for panel, name in zip(axes[2:], NAMES, strict=True):
         panel.set_ylabel(f"|error of {name}| identified [%]")
         panel.set_ylim(1e-4 if name != "K" else 1e-7, 1e3)
     axes[0].lines[0].set_label(NEWMARK.title)
@@ -245,7 +243,7 @@ def _plot_identified(
     )
     steps = np.array([s.x for s in settings])
     data[f"wn Dt, {integrator.title}, identified"] = steps
-    for panel, name, values in zip(axes, PARAMETERS, found.T, strict=True):
+    for panel, name, values in zip(axes, NAMES, found.T, strict=True):
         data[f"{integrator.title}, {name} [%]"] = values
         style = "--" if integrator is EXACT else "-"  # it lies on Runge-Kutta's line
         panel.loglog(steps, np.abs(values), style, color=integrator.colour, label=integrator.title)
