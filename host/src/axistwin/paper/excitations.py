@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib.axes import Axes
 
 from axistwin import core
 from axistwin.core import Array, IdentSettings, Motion, State
@@ -186,28 +187,39 @@ def _measured(
 
 
 def _figure(report: Report, results: dict[str, list[Result]]) -> None:
-    figure, axes = panels(len(SETTINGS), 2, height=2.9)
+    figure, axes = panels(len(SETTINGS), 2, height=3.0)
     figure.suptitle(f"Excitations at {RMS} N m rms; errors with noise at {NOISE_DB:.0f} dB")
     data: dict[str, npt.ArrayLike] = {}
     for row, (title, found) in enumerate(results.items()):
         condition, error = axes[2 * row : 2 * row + 2]
+        _plot_condition(condition, found)
+        data[f"{title}: condition number"] = [result.condition for result in found]
         places = np.arange(len(found))
-        numbers = np.array([result.condition for result in found])
-        condition.barh(places, numbers, color=GREY, height=0.6)
-        condition.set_xlabel(f"condition number of the information matrix\n{title}")
-        condition.set_yticks(places, [result.title for result in found])
-        data[f"{title}: condition number"] = numbers
         for i, (name, colour) in enumerate(zip(NAMES, _COLOURS, strict=True)):
             rms = np.array([result.rms[i] for result in found])
             least = np.array([result.bound[i] for result in found])
             at = places + 0.16 * (i - 1.5)
-            error.plot(rms, at, "o", ms=3.5, color=colour, label=name)
-            error.plot(least, at, "|", ms=6.0, mew=1.6, color=colour)
+            error.semilogx(rms, at, "o", ms=3.5, color=colour, label=name)
+            error.semilogx(least, at, "|", ms=6.0, mew=1.6, color=colour)
             data[f"{title}: {name} rms [%]"], data[f"{title}: {name} bound [%]"] = rms, least
-        error.set_xlabel(f"dot: rms error of RLS, bar: Cramer-Rao bound [%]\n{title}")
+        error.set_title(title)
+        error.set_xlim(5e-3, 2e4)
+        error.set_xlabel("dot: rms error of RLS, bar: bound [%]")
         error.set_yticks(places, [""] * len(found))
-        error.legend(ncols=4, loc="upper right")
+        error.legend(loc="lower right")
         for panel in (condition, error):
-            panel.set_xscale("log")
-            panel.set_ylim(len(found) - 0.5, -1.1)
+            panel.set_ylim(len(found) - 0.5, -0.5)
     report.figure("excitations", figure, data)
+
+
+def _plot_condition(axes: Axes, found: list[Result]) -> None:
+    """Bars; that of a signal whose regressors depend on each other is cut off and says so."""
+    numbers = [result.condition for result in found]
+    axes.barh(np.arange(len(found)), numbers, color=GREY, height=0.6)
+    axes.set_xlim(0.0, 3.0)
+    axes.set_xlabel("condition number of the information matrix")
+    axes.set_yticks(np.arange(len(found)), [result.title for result in found])
+    for place, number in enumerate(numbers):
+        singular = number >= _SINGULAR
+        text, colour = ("singular", "white") if singular else (f"{number:.2f}", "black")
+        axes.text(2.95, place, text, color=colour, ha="right", va="center")
