@@ -26,6 +26,9 @@ _VERBS = {
     "identify": ("axistwin.commands.identify", "the parameters of the axis from a record"),
 }
 
+# A parser that takes nothing for an option: everything, --help too, is for the emulator itself.
+_PASSED_ON = {"prefix_chars": "\0", "add_help": False}
+
 _INTERRUPTED = 128 + signal.SIGINT
 
 
@@ -40,7 +43,10 @@ def make_parser(verb: str | None) -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"axistwin {__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     for name, (module, text) in _VERBS.items():
-        subparser = verbs.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
+        options: dict[str, Any] = _PASSED_ON if name == "emulate" else {}
+        subparser = verbs.add_parser(
+            name, help=text, description=f"{text[0].upper()}{text[1:]}.", **options
+        )
         if name == verb:
             importlib.import_module(module).add_arguments(subparser)
     return parser

@@ -15,10 +15,7 @@ _PROGRAM = "axistwin-emulator"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of the command: all of them are the emulator's own."""
     parser.add_argument(
-        "arguments",
-        nargs=argparse.REMAINDER,
-        metavar="...",
-        help=f"arguments of {_PROGRAM}; -- --help lists them",
+        "arguments", nargs="*", metavar="...", help=f"arguments of {_PROGRAM}; --help lists them"
     )
 
 
@@ -39,5 +36,4 @@ def find_emulator() -> str:
 def run(arguments: argparse.Namespace) -> int:
     """Becomes the emulator: signals and exit status are its own."""
     program = find_emulator()
-    passed = arguments.arguments
-    os.execv(program, [program, *(passed[1:] if passed[:1] == ["--"] else passed)])
+    os.execv(program, [program, *arguments.arguments])
