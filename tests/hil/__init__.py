@@ -1,0 +1,1 @@
+"""Tests with the emulated node as a process of its own."""

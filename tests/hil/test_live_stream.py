@@ -8,7 +8,6 @@ from pathlib import Path
 
 import can
 import pytest
-
 from axistwin.readers import read_record
 
 from .conftest import VCAN, Carrier, Host, StartEmulator

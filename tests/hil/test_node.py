@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-
 from axistwin import core
 from axistwin.readers import read_record
 
@@ -23,7 +22,7 @@ PERIOD = 1.0761e-4
 COUNTS = 1 << 20
 
 # SLCAN through python-can takes 0.3 ms a frame on a fast machine and much more on an emulated one:
-# where only the node's coming and going matters its stream is slow.
+# where the stream does not matter it is slow.
 SLOW_STREAM = ("--stream-rate", "50")
 
 
@@ -45,8 +44,8 @@ def recorded_by_the_node(seconds: float) -> tuple[npt.NDArray[np.int64], npt.NDA
 def test_a_trace_is_bit_for_bit_what_the_node_recorded(
     carrier: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
 ) -> None:
-    excitation = f"{LENGTH},{LINES},{RMS}"
-    emulator = start_emulator(carrier, "--period", repr(PERIOD), "--excitation", excitation)
+    settings = ("--period", repr(PERIOD), "--excitation", f"{LENGTH},{LINES},{RMS}", *SLOW_STREAM)
+    emulator = start_emulator(carrier, *settings)
     file, summary = tmp_path / "trace.csv", tmp_path / "trace.json"
     arguments = ("--excite", "-n", "2048", "-f", str(file), "--json", str(summary))
     host("trace", *carrier.host, *arguments).expect(0)
@@ -157,8 +156,9 @@ def test_an_interrupted_log_leaves_the_node_as_it_was(
 ) -> None:
     emulator = start_emulator(carrier, *SLOW_STREAM)
     log = tmp_path / "interrupted.log"
-    threading.Timer(4.0, os.kill, (os.getpid(), signal.SIGINT)).start()
-    outcome = host("log", *carrier.host, "--excite", "--rms", "0.05", "-f", str(log))
+    threading.Timer(6.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+    excite = ("--excite", "--length", "512", "--lines", "5", "--rms", "0.05")
+    outcome = host("log", *carrier.host, *excite, "-f", str(log))
     outcome.expect(0, "stopped")
     assert np.std(read_record(log).torque[-50:]) > 0.01
     # Torque 0 and no stream: that is how a trace without --excite finds it.

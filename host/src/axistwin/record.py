@@ -153,7 +153,7 @@ def from_samples(
             f"{raw_time[at - 1]:g} s)"
         )
     # Half the samples have to be there: otherwise a wild time would ask for a huge grid.
-    step = float(np.median(steps))
+    step = float(np.sort(steps)[(len(steps) - 1) // 2])
     if (raw_time[-1] - raw_time[0]) / step > 2 * len(raw_time):
         at = int(np.argmax(steps))
         raise InputError(

@@ -115,7 +115,9 @@ def _is_data(line: str) -> bool:
 
 
 def _delimiter(header: str) -> str | None:
-    return next((mark for mark in "\t;," if mark in header), None)
+    """The mark that occurs most; None, which stands for blanks, when none of them does."""
+    mark = max("\t;,", key=header.count)
+    return mark if mark in header else None
 
 
 def _is_number(text: str) -> bool:
