@@ -249,3 +249,10 @@ $(VENV)/.bench: tests/tools/constraints.txt | $(VENV)/.build-tools
 ## bench     cost and survival beside their targets (build/bench.json); PART=instructions.cortex-m4f: only that
 bench: $(BUILD)/packages-build $(BUILD)/packages-bench $(VENV)/.bench
 	CORE_FLAGS="$(CORE_FLAGS)" PYTHONPATH=tests/tools $(VENV)/bin/python tests/bench/bench.py $(PART)
+
+# ---- Paper: the source paper reproduced, corrected and carried on ---------------------------------
+
+.PHONY: paper
+## paper     every table and figure of the source paper beside ours (build/paper), and docs/paper.md
+paper: $(VENV)/.host
+	$(VENV)/bin/python -m axistwin.paper --output $(BUILD)/paper --docs docs

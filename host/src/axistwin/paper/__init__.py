@@ -2,5 +2,5 @@
 
 V. Mariano et al., "Parametric, modal and external excitation identification of machine-tool XY
 table using recursive estimators". Each study is a module with a function ``run(report)``; the
-runner is ``python -m axistwin.paper``. Everything is simulated and estimated by the C core.
+runner is ``python -m axistwin.paper`` (runner.py). Everything is simulated and estimated by the C core.
 """

@@ -36,6 +36,7 @@ def run(report: Report) -> None:
     report.table("Table 2", _table_2())
     _least_squares_tables(report)
     report.study("RLS against LS", _recursive_is_batch())
+    report.study("Midpoint form with a finite P0", _finite_prior())
     report.study("Bias of Eq. 9", _bias())
     for precision in ("float64", "float32"):
         report.progress(f"tables: bias-free form, {precision}, {max(PERIODS)} periods")
@@ -119,6 +120,27 @@ def _recursive_is_batch() -> Iterator[Value]:
             yield Value(f"P0 = {prior:.0e}", setting.title, difference)
 
 
+def _finite_prior() -> Iterator[Value]:
+    """Could a finite P0 explain Table 5? By how much the error of B exceeds that of K: the paper,
+    and Eqs. 14-16 over the unbiased midpoint rows, unscaled as the paper has them."""
+    for i, setting in enumerate(SETTINGS):
+        texts = dict(printed.TABLE_5)
+        ratio = float(texts["B"][2 * i + 1]) / float(texts["K"][2 * i + 1])
+        yield Value("the paper's Table 5: B / K", setting.title, ratio)
+        h = setting.time_step
+        for name, torque in (
+            ("Schroeder, 2k lines", setting.torque()),
+            ("Schroeder, k lines", core.schroeder(setting.N, setting.k, RMS)),
+            ("fitted", eq9.fitted_torque(setting)),
+        ):
+            X = np.column_stack([eq9.states(core.simulate(AXIS, h, torque)), torque])
+            mean, rate = (X[1:] + X[:-1]) / 2.0, np.diff(X[:, :4], axis=0) / h
+            theta = native.recursive_least_squares(mean, rate, prior=1e8).theta[-1]
+            K, B = -theta[1, 0] * AXIS.I1, -theta[1, 1] * AXIS.I1
+            found = abs(float((B / AXIS.B - 1.0) / (K / AXIS.K - 1.0)))
+            yield Value(f"{name}: B / K", setting.title, found)
+
+
 def _bias() -> Iterator[Value]:
     """The closed forms, and what Eq. 9 finds with mean torques and with several signals."""
     for setting in SETTINGS:
@@ -187,6 +209,10 @@ def _after_periods(setting: Setting, estimates: Array, definite: bool) -> Iterat
         worst = float(found.max())
         yield Value(f"worst error after {periods} periods", setting.title, worst, "%")
     yield from _each("after one period", setting.title, errors(estimates[0]))
+    found_modal = core.modal(Axis(*estimates[0].tolist()))
+    for name in ("wn", "wd", "zeta"):
+        error = 100.0 * (getattr(found_modal, name) / getattr(MODAL, name) - 1.0)
+        yield Value(f"after one period: {name}", setting.title, error, "%")
     yield Value("P positive definite throughout", setting.title, float(definite))
 
 
