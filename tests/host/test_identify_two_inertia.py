@@ -223,6 +223,17 @@ def test_state_at_the_first_sample_is_found() -> None:
     assert found["zero"] == pytest.approx(0.0, abs=1e-9)
 
 
+def test_no_damping_is_said_to_be_undetermined() -> None:
+    undamped = core.Axis(PAPER.I1, PAPER.I2, 0.0, PAPER.K)
+    result = identify(trace(axis=undamped))
+    damping = result.estimate.params["B"]
+    assert damping.ci95[0] <= 0.0 <= damping.ci95[1]
+    assert damping.ci95[1] < 1e-3 * PAPER.B
+    assert result.undetermined == ("B",)
+    assert not result.valid
+    assert result.estimate.params["K"].value == pytest.approx(PAPER.K, rel=2e-3)
+
+
 def test_lost_samples_leave_the_longest_stretch() -> None:
     record = replace(trace(samples=4096), missing=np.array([1000, 1001, 3500]))
     result = identify(record)

@@ -60,16 +60,22 @@ def identify(
     """
     samples = longest_stretch(record)
     _check_excitation(samples)
-    if model == RIGID or (model == "auto" and samples.theta2 is None):
-        found = rigid.identify(record, samples, bandwidth)
-    elif model == TWO_INERTIA:
-        found = two_inertia.identify(record, samples, progress)
-    else:
-        found = _as_far_as_possible(record, samples, bandwidth, progress)
+    with np.errstate(all="ignore"):  # what overflows is noticed, and refused, further down
+        found = _identify(record, samples, model, bandwidth, progress)
     if samples.count < len(record):
         gaps = f"the longest stretch without a missing sample is used, {samples.count} samples"
         found = replace(found, notes=(*found.notes, gaps))
     return found
+
+
+def _identify(
+    record: Record, samples: Samples, model: Model, bandwidth: float | None, progress: Progress
+) -> Identification:
+    if model == RIGID or (model == "auto" and samples.theta2 is None):
+        return rigid.identify(record, samples, bandwidth)
+    if model == TWO_INERTIA:
+        return two_inertia.identify(record, samples, progress)
+    return _as_far_as_possible(record, samples, bandwidth, progress)
 
 
 def validate(
@@ -81,11 +87,13 @@ def validate(
     Raises NotEnoughDataError when the record is too short or lacks an encoder.
     """
     samples = longest_stretch(record)
+    _check_excitation(samples)
     comparisons: tuple[Comparison, ...]
-    if result.model == RIGID:
-        comparisons = (rigid.predict(samples, result.estimate, bandwidth),)
-    else:
-        comparisons = two_inertia.predict(samples, result.estimate)
+    with np.errstate(all="ignore"):
+        if result.model == RIGID:
+            comparisons = (rigid.predict(samples, result.estimate, bandwidth),)
+        else:
+            comparisons = two_inertia.predict(samples, result.estimate)
     errors = {channel.name: channel.relative_error for channel in comparisons}
     return replace(result, validation=Validation(record.source, errors))
 

@@ -30,6 +30,11 @@ _AXIS = 4
 #: Relative step of the central differences: the cube root of the precision of a double.
 _STEP = 6e-6
 
+#: Inertias, damping and stiffness in units of the start: at least this, to start with at least that.
+#: Damping may come out as good as zero, but central differences need room below it.
+_AXIS_MIN = (1e-3, 1e-3, 2.0 * _STEP, 1e-3)
+_START_MIN = 1e-2
+
 #: Rounds of weighing the channels by their own residuals, and the change that ends them.
 _ROUNDS = 5
 _WEIGHTS_SETTLED = 0.01
@@ -41,6 +46,8 @@ _CORNER_SETTLED = 0.02
 
 #: Evaluations of the fit: a start that is any good needs five.
 _EVALUATIONS_MAX = 50
+
+_NOTHING_NEAR = "no two-inertia axis comes near to what was measured"
 
 Progress = Callable[[str], None]
 
@@ -73,9 +80,10 @@ def fit(samples: Samples, start: core.Axis, progress: Progress = lambda _: None)
     problem = _Problem(samples)
     unknowns, _ = problem.complete(start)
     scale = problem.scale(unknowns)
+    unknowns[:_AXIS] = np.maximum(unknowns[:_AXIS], _START_MIN * scale[:_AXIS])
     sigma = problem.noise_guess()
     lower = np.full(len(UNKNOWNS), -np.inf)
-    lower[:_AXIS] = [1e-3, 1e-3, 0.0, 1e-3]
+    lower[:_AXIS] = _AXIS_MIN
 
     for round_ in range(_ROUNDS):
         progress(f"output error, round {round_ + 1}")
@@ -99,7 +107,7 @@ def fit(samples: Samples, start: core.Axis, progress: Progress = lambda _: None)
             max_nfev=_EVALUATIONS_MAX,
         )
         if solution.status <= 0:
-            raise NotEnoughDataError("no two-inertia axis comes near to what was measured")
+            raise NotEnoughDataError(_NOTHING_NEAR)
         unknowns = solution.x * scale
         errors = problem.simulate(unknowns) - problem.measured
         settled = sigma
@@ -130,10 +138,10 @@ def find_start(samples: Samples, progress: Progress = lambda _: None) -> core.Ax
         progress(f"filtered regression {index + 1} of {_CORNERS}")
         candidates.append(_refiltered(samples, float(corner) / samples.time_step))
     axes = [axis for axis in candidates if axis is not None]
-    if not axes:
+    misfits = [problem.misfit(axis) for axis in axes]
+    if not misfits or min(misfits) == np.inf:
         raise NotEnoughDataError("no resonance of motor against table is to be seen in this record")
-    sigma = problem.noise_guess()
-    return min(axes, key=lambda axis: float(np.sum((problem.complete(axis)[1] / sigma) ** 2)))
+    return axes[int(np.argmin(misfits))]
 
 
 def filter_corner(axis: core.Axis, samples: Samples) -> float:
@@ -145,13 +153,10 @@ def filter_corner(axis: core.Axis, samples: Samples) -> float:
 def adjust_start(samples: Samples, axis: core.Axis) -> Array:
     """The channels (n, c) as this axis has them, only state, zero and load adjusted to the samples.
 
-    Raises NotEnoughDataError when the axis cannot be simulated at the samples' rate.
+    Raises NotEnoughDataError when the axis cannot be simulated with these samples.
     """
     problem = _Problem(samples)
-    _, errors = problem.complete(axis)
-    if not np.all(np.isfinite(errors)):
-        raise NotEnoughDataError(f"{axis} cannot be simulated with these samples")
-    return problem.measured + errors
+    return problem.measured + problem.complete(axis)[1]
 
 
 class _Problem:
@@ -179,25 +184,30 @@ class _Problem:
         return np.column_stack(channels)
 
     def sensitivity(self, unknowns: Array, scale: Array) -> Array:
-        """Derivative (n, c, p) of the channels by the unknowns in units of ``scale``."""
+        """Derivative (n, c, p) of the channels by the unknowns in units of ``scale``.
+
+        Raises NotEnoughDataError at the limits of what the plant can be.
+        """
         columns = []
         for i, unit in enumerate(scale):
             step = np.zeros(len(UNKNOWNS))
             step[i] = unit * _STEP if i < _AXIS else unit
             difference = self.simulate(unknowns + step) - self.simulate(unknowns - step)
             columns.append(difference * (unit / (2.0 * step[i])))
-        return np.stack(columns, axis=2)
+        result = np.stack(columns, axis=2)
+        if not np.all(np.isfinite(result)):
+            raise NotEnoughDataError(_NOTHING_NEAR)
+        return result
 
     def complete(self, axis: core.Axis) -> tuple[Array, Array]:
-        """The unknowns (10,) for this axis that fit best in the plain least-squares sense.
+        """The unknowns (10,) for this axis that fit best, and the errors (n, c) that they leave.
 
-        All but the axis enter linearly: one linear regression. Returns them and the errors (n, c).
+        All but the axis enter linearly: one linear regression. Raises NotEnoughDataError where
+        there is no such axis or the samples do not determine the unknowns.
         """
         unknowns = np.zeros(len(UNKNOWNS))
         unknowns[:_AXIS] = [axis.I1, axis.I2, axis.B, axis.K]
         start = self.simulate(unknowns)
-        if not np.all(np.isfinite(start)):
-            return unknowns, start
         scale = self.scale(unknowns)
         sigma = self.noise_guess()
         columns = []
@@ -206,9 +216,19 @@ class _Problem:
             step[i] = scale[i]
             columns.append(((self.simulate(unknowns + step) - start) / sigma).ravel())
         wanted = ((self.measured - start) / sigma).ravel()
-        linear = least_squares(np.column_stack(columns), wanted[:, None])
+        regressors = np.column_stack(columns)
+        if not np.all(np.isfinite(regressors)):
+            raise NotEnoughDataError(_NOTHING_NEAR)
+        linear = least_squares(regressors, wanted[:, None])
         unknowns[_AXIS:] = linear.solution[:, 0] * scale[_AXIS:]
         return unknowns, -linear.residual.reshape(self.measured.shape) * sigma
+
+    def misfit(self, axis: core.Axis) -> float:
+        """Weighted sum of squared errors of complete(); infinite where there is no such axis."""
+        try:
+            return float(np.sum((self.complete(axis)[1] / self.noise_guess()) ** 2))
+        except NotEnoughDataError:
+            return np.inf
 
     def scale(self, unknowns: Array) -> Array:
         """Sizes of the unknowns: such steps move the channels about as much as they move."""

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from axistwin import core
 from axistwin.core import Array
-from axistwin.errors import NotEnoughDataError
+from axistwin.errors import InputError, NotEnoughDataError
 from axistwin.identify import output_error, regression
 from axistwin.identify.output_error import Progress
 from axistwin.identify.result import (
@@ -71,7 +71,7 @@ def identify(record: Record, samples: Samples, progress: Progress) -> Identifica
         record=record,
         used=samples.count,
         estimate=estimate,
-        others=(_batch(samples, fit.axis), *(item[0] for item in recursive)),
+        others=(*_batch(samples, fit.axis), *(item[0] for item in recursive)),
         comparisons=comparisons,
         whiteness=whiteness(fit.residual),
         notes=_notes(comparisons),
@@ -132,15 +132,23 @@ def _compare(samples: Samples, simulated: Array) -> tuple[Comparison, ...]:
     )
 
 
-def _batch(samples: Samples, axis: core.Axis) -> Estimate:
-    """Least squares over all samples at once: with speeds if measured, else filtered positions."""
+def _batch(samples: Samples, axis: core.Axis) -> tuple[Estimate, ...]:
+    """Least squares over all samples at once: with speeds if measured, else filtered positions.
+
+    Nothing where noise makes that no axis; damping that comes out negative is taken as none.
+    """
     if samples.has_speeds:
         method, equations = "least squares, midpoint", regression.midpoint(samples)
     else:
         corner = output_error.filter_corner(axis, samples)
         method, equations = "least squares, filtered", regression.filtered(samples, corner)
-    values, spread = regression.solve_with_covariance(equations)
-    return axis_estimate(method, values, spread, equations.outputs.size - 6, samples.linear)
+    freedom = equations.outputs.size - 6
+    try:
+        values, spread = regression.solve_with_covariance(equations)
+        values[2] = max(values[2], 0.0)
+        return (axis_estimate(method, values, spread, freedom, samples.linear),)
+    except (NotEnoughDataError, InputError):
+        return ()
 
 
 def _recursive(samples: Samples, axis: core.Axis) -> list[tuple[Estimate, Convergence]]:
