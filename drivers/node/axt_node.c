@@ -77,7 +77,6 @@ static void start_stream(axt_node *node, uint32_t decimation) {
 static void play_table(axt_node *node, uint32_t length) {
     node->operating =
         axt_player_init(&node->player, node->config.table, length) == AXT_OK; /* 0: stop */
-    axt_ident_gap(&node->ident);
 }
 
 static void take_order(axt_node *node) {
@@ -120,11 +119,7 @@ static void next_torque(axt_node *node, axt_node_sample *sample) {
     }
 }
 
-/* An axis that is not driven teaches nothing: the estimate of the last run stays. */
 static void learn(axt_node *node, const axt_node_sample *sample, axt_real torque) {
-    if (!node->operating) {
-        return;
-    }
     const axt_status status = axt_ident_counts(&node->ident, sample->position[AXT_ENCODER_MOTOR],
                                                sample->position[AXT_ENCODER_TABLE], torque);
     if (status != AXT_OK) {

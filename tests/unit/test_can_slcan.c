@@ -105,6 +105,9 @@ CASE(malformed_commands_are_refused_and_change_nothing) {
                                         "v \r",
                                         "F0\r",
                                         "hello\r",
+                                        "t1239112233445566778899\r",
+                                        "T0000000AA00112233445566778899\r",
+                                        "r1239\r",
                                         "\n\r",
                                         "t12380011223344556677FF\r",
                                         "\x01\x7F\x80\xFF\r"};
