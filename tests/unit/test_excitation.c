@@ -264,8 +264,7 @@ CASE(a_player_needs_a_table) {
     CHECK(UNCHANGED(player, before));
 }
 
-/* ---- The other signals ------------------------------------------------------------------------
- */
+/* ---- The other signals ---------------------------------------------------------------------- */
 
 CASE(a_harmonic_is_one_cosine) {
     static const uint32_t harmonics[] = {1, 10, 255};
@@ -408,13 +407,14 @@ CASE(other_signals_refuse_what_makes_no_sense_and_write_nothing) {
     CHECK(same_bytes(table, other, sizeof table));
 }
 
-/* ---- Scaling ----------------------------------------------------------------------------------
- */
+/* ---- Scaling -------------------------------------------------------------------------------- */
 
 CASE(a_table_can_be_scaled_to_an_rms) {
     CHECK_EQUAL(axt_noise_fill(table, 2048, 1), AXT_OK);
+    table[2048] = 100; /* not part of it */
     CHECK_EQUAL(axt_table_scale_to_rms(table, 2048, (axt_real)0.2), AXT_OK);
     CHECK_NEAR(rms_of(table, 2048), 0.2, 0.2 * 8 * REAL_EPSILON);
+    CHECK_NEAR(table[2048], 100, 0);
 }
 
 CASE(a_long_table_is_scaled_as_exactly_as_a_short_one) {
@@ -427,10 +427,25 @@ CASE(a_long_table_is_scaled_as_exactly_as_a_short_one) {
 
 CASE(a_table_can_be_scaled_to_a_peak) {
     CHECK_EQUAL(axt_noise_fill(table, 2048, 1), AXT_OK);
+    table[2048] = 100; /* not part of it */
     memcpy(other, table, 2048 * sizeof table[0]);
     CHECK_EQUAL(axt_table_scale_to_peak(table, 2048, (axt_real)0.5), AXT_OK);
     CHECK_NEAR(crest_factor(table, 2048) * rms_of(table, 2048), 0.5, 0.5 * 2 * REAL_EPSILON);
     CHECK_NEAR(crest_factor(table, 2048) / crest_factor(other, 2048), 1, 8 * REAL_EPSILON);
+    CHECK_NEAR(table[2048], 100, 0);
+}
+
+CASE(silence_is_a_signal_too) {
+    axt_schroeder silent = paper_a;
+    silent.rms = 0;
+    CHECK_EQUAL(axt_schroeder_fill(&silent, table, LENGTH_MAX), AXT_OK);
+    CHECK_NEAR(rms_of(table, silent.length), 0, 0);
+    CHECK_EQUAL(axt_noise_fill(table, 512, 1), AXT_OK);
+    CHECK_EQUAL(axt_table_scale_to_rms(table, 512, 0), AXT_OK);
+    CHECK_NEAR(rms_of(table, 512), 0, 0);
+    CHECK_EQUAL(axt_noise_fill(table, 512, 1), AXT_OK);
+    CHECK_EQUAL(axt_table_scale_to_peak(table, 512, 0), AXT_OK);
+    CHECK_NEAR(rms_of(table, 512), 0, 0);
 }
 
 CASE(what_cannot_be_scaled_is_left_alone) {
@@ -477,6 +492,7 @@ int main(void) {
     RUN(a_table_can_be_scaled_to_an_rms);
     RUN(a_long_table_is_scaled_as_exactly_as_a_short_one);
     RUN(a_table_can_be_scaled_to_a_peak);
+    RUN(silence_is_a_signal_too);
     RUN(what_cannot_be_scaled_is_left_alone);
     return REPORT();
 }

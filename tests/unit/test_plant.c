@@ -19,8 +19,7 @@ static const axt_newmark newmarks[] = {{(axt_real)0.25, (axt_real)0.5},
                                        {(axt_real)0.3025, (axt_real)0.6},
                                        {1, 1}};
 
-/* ---- The two axes side by side ----------------------------------------------------------------
- */
+/* ---- The two axes side by side -------------------------------------------------------------- */
 
 static wide twist_of(const textbook_axis *axis) {
     return axis->angle[0] - axis->angle[1];
@@ -98,8 +97,7 @@ static axt_player schroeder_player(axt_real *table) {
     return player;
 }
 
-/* ---- Agreement with the textbook --------------------------------------------------------------
- */
+/* ---- Agreement with the textbook ------------------------------------------------------------ */
 
 CASE(the_plant_is_newmark_s_method_whatever_alpha_and_delta) {
     uint64_t seed = 1;
@@ -157,8 +155,7 @@ CASE(an_hour_at_100_rad_s_at_20_khz_agrees_with_extended_precision) {
     run_for_an_hour(100);
 }
 
-/* ---- Where it starts --------------------------------------------------------------------------
- */
+/* ---- Where it starts ------------------------------------------------------------------------ */
 
 CASE(the_first_acceleration_is_that_of_equilibrium) {
     uint64_t seed = 2;
@@ -246,8 +243,7 @@ CASE(a_plant_set_to_what_another_reads_carries_on_alike) {
     }
 }
 
-/* ---- Period and damping of the method itself ---------------------------------------------------
- */
+/* ---- Period and damping of the method itself ------------------------------------------------ */
 
 static axt_axis undamped(void) {
     axt_axis axis = axt_axis_paper;
@@ -344,8 +340,7 @@ CASE(the_trapezoidal_rule_lowers_the_frequency_as_its_closed_form_says) {
     }
 }
 
-/* ---- What the method conserves -----------------------------------------------------------------
- */
+/* ---- What the method conserves -------------------------------------------------------------- */
 
 /* Of the vibration, per unit of reduced inertia. */
 static wide vibration_energy(const axt_plant *plant, wide stiffness) {
@@ -414,8 +409,7 @@ CASE(work_and_impulse_account_for_energy_and_momentum) {
     }
 }
 
-/* ---- Standing still ----------------------------------------------------------------------------
- */
+/* ---- Standing still ------------------------------------------------------------------------- */
 
 static void check_counts(const axt_plant *plant, int32_t motor, int32_t table) {
     axt_motion motion;
@@ -461,8 +455,7 @@ CASE(a_stopped_axis_stays_on_its_count) {
     }
 }
 
-/* ---- What it refuses, and where it saturates ---------------------------------------------------
- */
+/* ---- What it refuses, and where it saturates ------------------------------------------------ */
 
 /* The torque that turns the paper's axis by half a turn in one step of 20 kHz. */
 static axt_real half_turn_torque(void) {
@@ -527,6 +520,26 @@ CASE(a_motion_that_makes_no_sense_is_refused_and_the_plant_stays) {
             CHECK_EQUAL(axt_plant_set(&plant, &bad[j], 0), AXT_ERROR_NOT_FINITE);
             CHECK(UNCHANGED(plant, before));
         }
+    }
+}
+
+CASE(the_limits_themselves_are_in_range) {
+    axt_axis soft = axt_axis_paper;
+    soft.K = (axt_real)1e-3;
+    axt_plant plant;
+    const axt_newmark limits[] = {{(axt_real)0.01, (axt_real)0.5}, {1, (axt_real)0.5}, {1, 1}};
+    for (size_t i = 0; i < COUNT_OF(limits); i++) {
+        CHECK_EQUAL(axt_plant_init(&plant, &axt_axis_paper, (axt_real)1e-7, &limits[i]), AXT_OK);
+    }
+    CHECK_EQUAL(axt_plant_init(&plant, &soft, 1, &axt_newmark_trapezoidal), AXT_OK);
+    CHECK_EQUAL(axt_plant_init(&plant, &axt_axis_paper, step_20khz, &axt_newmark_trapezoidal),
+                AXT_OK);
+    for (int sign = -1; sign <= 1; sign += 2) {
+        const axt_motion limit = {.twist = (axt_real)(sign * 1000),
+                                  .twist_speed = (axt_real)sign,
+                                  .fraction = (axt_real)sign,
+                                  .fraction_low = (axt_real)sign};
+        CHECK_EQUAL(axt_plant_set(&plant, &limit, 0), AXT_OK);
     }
 }
 
@@ -647,6 +660,7 @@ int main(void) {
     RUN(work_and_impulse_account_for_energy_and_momentum);
     RUN(a_rejected_torque_changes_nothing_but_the_counter);
     RUN(a_motion_that_makes_no_sense_is_refused_and_the_plant_stays);
+    RUN(the_limits_themselves_are_in_range);
     RUN(settings_that_make_no_sense_are_refused_and_the_plant_stays);
     RUN(the_speed_saturates_at_half_a_turn_a_step_and_comes_back);
     RUN(nothing_but_finite_numbers_come_out_of_any_plant);

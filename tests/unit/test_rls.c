@@ -11,7 +11,7 @@ enum { N = AXT_RLS_INPUTS_MAX, M = AXT_RLS_OUTPUTS_MAX };
 static const struct {
     uint32_t inputs;
     uint32_t outputs;
-} shapes[] = {{5, 4}, {3, 2}, {1, 1}, {2, 4}, {4, 3}, {5, 1}};
+} shapes[] = {{5, 4}, {3, 2}, {1, 1}, {2, 4}, {4, 3}, {5, 1}, {3, 1}, {3, 4}, {2, 2}};
 
 static axt_rls rls_of(uint32_t inputs, uint32_t outputs, double forgetting, double prior) {
     axt_rls rls;
@@ -43,8 +43,7 @@ static sample random_sample(uint64_t *seed, uint32_t inputs, uint32_t outputs) {
     return s;
 }
 
-/* ---- References --------------------------------------------------------------------------------
- */
+/* ---- References ----------------------------------------------------------------------------- */
 
 enum { ROWS_MAX = 2000 };
 
@@ -199,8 +198,7 @@ static void check_covariance(const axt_rls *rls, const information_rls *referenc
     }
 }
 
-/* ---- RLS is least squares -----------------------------------------------------------------------
- */
+/* ---- RLS is least squares ------------------------------------------------------------------- */
 
 CASE(without_forgetting_it_is_batch_least_squares_at_every_sample_count) {
     static batch_problem batch;
@@ -284,8 +282,7 @@ CASE(nearly_collinear_regressors_do_no_harm) {
     }
 }
 
-/* ---- Invariances --------------------------------------------------------------------------------
- */
+/* ---- Invariances ---------------------------------------------------------------------------- */
 
 CASE(outputs_do_not_know_of_each_other) {
     static const uint32_t order[M] = {2, 0, 3, 1};
@@ -362,8 +359,7 @@ CASE(a_negative_signal_has_the_same_parameters) {
     CHECK(UNCHANGED(negative.factor, plain.factor));
 }
 
-/* ---- Forgetting ---------------------------------------------------------------------------------
- */
+/* ---- Forgetting ----------------------------------------------------------------------------- */
 
 CASE(it_follows_a_change_when_it_forgets_and_does_not_when_it_does_not) {
     axt_rls forgets = rls_of(5, 4, 0.99, 1000);
@@ -448,8 +444,7 @@ CASE(a_standstill_neither_blows_up_nor_forgets) {
     }
 }
 
-/* ---- Whatever comes
- * ------------------------------------------------------------------------------ */
+/* ---- Whatever comes ------------------------------------------------------------------------- */
 
 CASE(a_bad_sample_changes_nothing_but_the_counter) {
     static const double bad[] = {(double)NAN, (double)INFINITY, (double)-INFINITY, 1e30, -1e30};
@@ -573,6 +568,8 @@ CASE(settings_that_make_no_sense_are_refused_and_nothing_is_written) {
                     AXT_ERROR_RANGE);
     }
     CHECK(UNCHANGED(rls, before));
+    CHECK_EQUAL(axt_rls_init(&rls, 1, 1, (axt_real)0.9, 1), AXT_OK);
+    CHECK_EQUAL(axt_rls_init(&rls, 5, 4, 1, (axt_real)1e15), AXT_OK);
 }
 
 CASE(elements_outside_the_covariance_are_zero) {
