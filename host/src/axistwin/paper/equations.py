@@ -90,7 +90,10 @@ def from_counts(
 def least_squares(
     equations: Equations, *, forgetting: float = 1.0, every: int | None = None
 ) -> Array:
-    """I1, I2, B, K (k, 4) by axt_rls, after each ``every`` equations and the last."""
+    """I1, I2, B, K (k, 4) by axt_rls, after each ``every`` equations and the last.
+
+    Its forgetting is directional: only what is renewed is forgotten.
+    """
     found = native.recursive_least_squares(
         equations.phi,
         equations.y,
@@ -102,14 +105,11 @@ def least_squares(
     return equations.axes(found.theta)
 
 
-def extended(equations: Equations, *, forgetting: float = 1.0, every: int | None = None) -> Array:
-    """The same by axt_els: extended least squares."""
-    run = _Run(equations, every)
-    c = run.core
-    prior = native.PRIOR[equations.precision]
-    return run.finish(
-        c.lib.axt_loop_els(forgetting, prior, *run.equations, run.every, *run.results)
-    )
+def exponential(
+    equations: Equations, *, forgetting: float = 1.0, every: int | None = None
+) -> Array:
+    """The same with exponential forgetting: axt_iv whose instruments are the regressors."""
+    return _instrumental(equations, 0, forgetting, every)
 
 
 def instrumental(
@@ -122,11 +122,21 @@ def instrumental(
     """
     if not 0 < delay < len(equations.phi):
         raise InputError(f"{len(equations.phi)} equations hold no instruments {delay} earlier")
+    return _instrumental(equations, delay, forgetting, every)
+
+
+def extended(equations: Equations, *, forgetting: float = 1.0, every: int | None = None) -> Array:
+    """The same by axt_els: extended least squares."""
     run = _Run(equations, every)
-    c = run.core
-    prior = native.PRIOR[equations.precision]
+    function = run.core.lib.axt_loop_els
+    return run.finish(function(forgetting, run.prior, *run.equations, run.every, *run.results))
+
+
+def _instrumental(equations: Equations, delay: int, forgetting: float, every: int | None) -> Array:
+    run = _Run(equations, every)
+    function = run.core.lib.axt_loop_iv
     return run.finish(
-        c.lib.axt_loop_iv(forgetting, prior, *run.equations, delay, run.every, *run.results)
+        function(forgetting, run.prior, *run.equations, delay, run.every, *run.results)
     )
 
 
@@ -182,6 +192,7 @@ class _Run:
     def __init__(self, equations: Equations, every: int | None) -> None:
         self._source = equations
         self.core = core._load(equations.precision)
+        self.prior = native.PRIOR[equations.precision]
         n = len(equations.phi)
         self.every = every or n
         self._phi = np.ascontiguousarray(equations.phi, self.core.real).ravel()
