@@ -15,10 +15,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+
 from axistwin.cli import main
 
 VCAN = "vcan0"
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
+# In a guest on a busy machine a process may have to wait for its turn longer than a drive would.
+PATIENCE = ("--heartbeat-timeout", "3")
 READY = re.compile(r"axistwin-emulator: node (\d+) on (\w+) (\S+), ")
 
 
@@ -104,12 +107,13 @@ def carrier(request: pytest.FixtureRequest, tmp_path: Path) -> Carrier:
     """Each carrier in turn."""
     if request.param == "pty":
         link = str(tmp_path / "slcan")
-        return Carrier("pty", f"pty:{link}", ("-i", "slcan", "-c", link))
+        return Carrier("pty", f"pty:{link}", ("-i", "slcan", "-c", link, *PATIENCE))
     if request.param == "tcp":
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             port = probe.getsockname()[1]
-        return Carrier("tcp", f"tcp:{port}", ("-i", "slcan", "-c", f"socket://127.0.0.1:{port}"))
+        channel = f"socket://127.0.0.1:{port}"
+        return Carrier("tcp", f"tcp:{port}", ("-i", "slcan", "-c", channel, *PATIENCE))
     return vcan_carrier()
 
 
@@ -123,7 +127,7 @@ def vcan_carrier() -> Carrier:
     """The SocketCAN interface; a failure, not a skip, where there is none."""
     if VCAN not in [name for _, name in socket.if_nameindex()]:
         pytest.fail(f"there is no {VCAN} here; run these tests through tests/tools/with-vcan")
-    return Carrier("vcan", VCAN, ("-i", "socketcan", "-c", VCAN))
+    return Carrier("vcan", VCAN, ("-i", "socketcan", "-c", VCAN, *PATIENCE))
 
 
 @pytest.fixture

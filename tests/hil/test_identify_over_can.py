@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+
 from axistwin import core
 from axistwin.identify import identify
 from axistwin.readers import read_record

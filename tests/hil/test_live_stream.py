@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 
 import can
 import pytest
+
+from axistwin import frames
 from axistwin.readers import read_record
 
 from .conftest import VCAN, Carrier, Host, StartEmulator
@@ -90,9 +91,13 @@ def test_two_nodes_share_a_bus(
     vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
 ) -> None:
     start_emulator(vcan, "--node", "1", "--stream-rate", "100", "--stream")
-    start_emulator(vcan, "--node", "2", "--stream-rate", "100", "--stream")
-    time.sleep(0.5)
+    start_emulator(vcan, "--node", "2", "--stream-rate", "50", "--stream")
     log = tmp_path / "two.log"
     host("log", *vcan.host, "--node", "2", "--duration", "2", "-f", str(log)).expect(0)
-    outcome = host("identify", str(log))
-    outcome.expect(2, "holds nodes 1, 2; say which one with --node")
+    record = read_record(log)
+    assert record.meta["node"] == 2
+    assert record.time_step == pytest.approx(0.02)
+    assert len(record.missing) == 0
+    # the other one is in the log, too
+    settings = frames.Settings(1, 0.01, 0.64, (1 << 20, 1 << 20))
+    assert read_record(log, settings=settings).time_step == 0.01

@@ -6,10 +6,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import scipy.signal
-from axistwin import core
-from axistwin.errors import InputError, NotEnoughDataError
 from hypothesis import given
 from hypothesis import strategies as st
+
+from axistwin import core
+from axistwin.errors import InputError, NotEnoughDataError
 
 PAPER = core.paper_axis()
 WN = core.modal(PAPER).wn

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+
 from axistwin.cli import main
 from axistwin.errors import InputError
 from axistwin.readers import read_record
@@ -225,5 +226,5 @@ def test_measured_records_are_read(
 
 
 def test_a_file_without_a_header_is_said_to_have_none(measured: Measured) -> None:
-    with pytest.raises(InputError, match="line 12: a header that names the columns is missing"):
+    with pytest.raises(InputError, match="line 13: a header that names the columns is missing"):
         read_record(measured("ODrive_voltage_tests/step1.csv"))

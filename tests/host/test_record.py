@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from axistwin.errors import FileError, InputError
-from axistwin.readers import read_record
-from axistwin.record import Record, from_samples, write_csv
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
+
+from axistwin.errors import FileError, InputError
+from axistwin.readers import read_record
+from axistwin.record import Record, from_samples, write_csv
 
 finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
 
@@ -26,7 +27,7 @@ def records(draw: st.DrawFn) -> Record:
     maybe = st.none() | channel
     counts = st.none() | st.integers(1, 2**24)
     return Record(
-        time=begin + step * np.arange(n),
+        time=begin + step * np.arange(n, dtype=np.float64),
         torque=draw(channel),
         theta1=draw(channel),
         theta2=draw(maybe),
@@ -137,8 +138,7 @@ def test_a_record_is_checked_and_read_only() -> None:
     with pytest.raises(InputError, match="missing samples"):
         Record(time=time, torque=time, theta1=time, time_step=1.0, missing=np.array([11]))
     record = Record(time=time, torque=time, theta1=time, time_step=1.0)
-    with pytest.raises(ValueError, match="read-only"):
-        record.torque[0] = 1.0
+    assert not record.torque.flags.writeable
     time[0] = 5.0
     assert record.torque[0] == 0.0
 
@@ -146,7 +146,8 @@ def test_a_record_is_checked_and_read_only() -> None:
 def test_one_count_is_a_turn_or_a_metre_divided() -> None:
     time = np.arange(10.0)
     rotary = Record(time=time, torque=time, theta1=time, time_step=1.0, counts_per_turn=(360, None))
-    assert rotary.resolution == (pytest.approx(np.deg2rad(1.0)), None)
+    assert rotary.resolution[0] == pytest.approx(np.deg2rad(1.0))
+    assert rotary.resolution[1] is None
     linear = Record(
         time=time, torque=time, theta1=time, time_step=1.0, counts_per_turn=(1000, 10), linear=True
     )

@@ -35,7 +35,8 @@ from axistwin.errors import (
 )
 from axistwin.frames import IDENTITY, short
 
-#: A node that has sent no heartbeat for this long is gone (it sends one every 100 ms).
+#: A node that has sent no heartbeat for this long is gone, unless told otherwise: it sends one
+#: every 100 ms.
 HEARTBEAT_TIMEOUT = 0.5
 
 #: What a command's answer may take; a busy bus included.
@@ -119,6 +120,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="wait this long for a node that is not there, or has gone (default: 5)",
     )
+    group.add_argument(
+        "--heartbeat-timeout",
+        type=float,
+        default=HEARTBEAT_TIMEOUT,
+        metavar="S",
+        help=f"a node that has been silent this long is gone (default: {HEARTBEAT_TIMEOUT:g})",
+    )
     group.add_argument("--dbc", metavar="FILE", help="wire contract (default: the built-in one)")
 
 
@@ -130,7 +138,11 @@ class Node:
     """
 
     def __init__(
-        self, open_bus: Callable[[], can.BusABC], contract: Contract, node_id: int
+        self,
+        open_bus: Callable[[], can.BusABC],
+        contract: Contract,
+        node_id: int,
+        heartbeat_timeout: float = HEARTBEAT_TIMEOUT,
     ) -> None:
         if node_id not in NODES:
             raise InputError(f"node {node_id}: ids are {NODES.start} to {NODES.stop - 1}")
@@ -144,6 +156,7 @@ class Node:
         self.pages: dict[str, float] = {}
         self.page_flags: dict[str, int] = {}
         self._open_bus = open_bus
+        self._heartbeat_timeout = heartbeat_timeout
         self._bus: can.BusABC | None = None
         self._drained = True
         self._heard: set[int] = set()
@@ -200,13 +213,13 @@ class Node:
         deadline = time.monotonic() + wait
         self.close()
         self.info = None
-        self._gone = None
         told = False
         while True:
             try:
                 if self._bus is None:
                     self._open()
                 self.info = self._identify(deadline, tell)
+                self._gone = None  # what was heard before does not count
                 return self.info
             except ContractError:
                 raise
@@ -231,11 +244,11 @@ class Node:
             self._take(message)
             taken += 1
             message = self._receive(0.0) if taken < _BATCH else None
-        self._drained = taken < _BATCH
+        self._drained = taken < _BATCH and not self._is_pending()
         if self.info is None:
             return
         silent = time.monotonic() - self._last_heartbeat
-        if self._gone is None and self._drained and silent > HEARTBEAT_TIMEOUT:
+        if self._gone is None and self._drained and silent > self._heartbeat_timeout:
             self._gone = f"node {self.id} is lost: no heartbeat for {silent * 1e3:.0f} ms"
         if self._gone is not None:
             raise NodeLostError(self._gone)
@@ -342,6 +355,15 @@ class Node:
                 f"version {self.contract.version}; give the matching file with --dbc"
             )
 
+    def _is_pending(self) -> bool:
+        """Has more come than recv(0) has made of it? SLCAN's gives up in the middle of a line."""
+        if not isinstance(self._bus, slcanBus):
+            return False
+        try:
+            return bool(self._bus.serialPortOrig.in_waiting)
+        except OSError as error:
+            raise NodeLostError(f"the bus has failed: {_reason(error)}") from error
+
     def _take(self, received: can.Message) -> None:
         if received.is_error_frame:
             self.errors += 1
@@ -384,6 +406,10 @@ def node_of(arguments: argparse.Namespace) -> Node:
     """
     if not arguments.wait >= 0.0:
         raise InputError(f"--wait has to be 0 or more seconds, not {arguments.wait}")
+    if not arguments.heartbeat_timeout > 0.0:
+        raise InputError(
+            f"--heartbeat-timeout has to be a positive time, not {arguments.heartbeat_timeout}"
+        )
     defaults = _defaults(arguments)
 
     def open_bus() -> can.BusABC:
@@ -397,7 +423,8 @@ def node_of(arguments: argparse.Namespace) -> Node:
                 kind = InputError
             raise kind(f"cannot open {name}: {_reason(error)}") from error
 
-    return Node(open_bus, load_contract(arguments.dbc), arguments.node)
+    contract = load_contract(arguments.dbc)
+    return Node(open_bus, contract, arguments.node, arguments.heartbeat_timeout)
 
 
 def _defaults(arguments: argparse.Namespace) -> dict[str, Any]:

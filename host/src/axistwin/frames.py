@@ -38,6 +38,9 @@ _MODAL = ("Wn", "Wd", "Zeta")
 _OVERTAKEN_MAX = 64
 _COUNTER_WRAP = 1 << 16
 
+# Time stamps may lag behind the bus by this much when a host was busy [s].
+_CLOCK_LAG_MAX = 5.0
+
 
 @dataclass(frozen=True)
 class Frames:
@@ -419,17 +422,25 @@ class _Stream(_Reader):
         )
 
     def afresh(self, rows: Indices, step: Indices) -> npt.NDArray[np.bool_]:
-        """Where the counting starts afresh, (n - 1,) for n frames."""
+        """Where the counting starts afresh: (n - 1,) for n rows and the steps of their counter."""
         node = self.node
-        changed = node.page_rows("StreamDecimation")
-        changed = changed[1:][np.diff(node.raw("Report", "StreamDecimation", changed)) != 0]
-        marks = np.union1d(node.starts(), changed)
-        marked = np.diff(np.searchsorted(marks, rows)) > 0
-        # A pause so long that the counter may have gone round unseen ends a part, too.
-        waited = np.diff(node.frames.time[rows])
+        decimation = node.page_rows("StreamDecimation")
+        changed = np.diff(node.raw("Report", "StreamDecimation", decimation)) != 0
+        restarts = np.union1d(node.starts(), decimation[1:][changed])
+        # A host that lost its node and found it again has asked it who it is. If samples are
+        # missing there, too, then the node may have been another one in between.
+        met = np.union1d(node.accepted("Identify"), node.accepted("StreamStart"))
+        # Counter and clock have to agree roughly; else the counter has gone round unseen, or it
+        # was not that far ahead but reset.
         period = self.time_step(int(rows[-1]))
-        unseen = waited > period * (np.abs(step) + _COUNTER_WRAP // 2)
-        result: npt.NDArray[np.bool_] = marked | unseen | (step < -_OVERTAKEN_MAX)
+        disagree = np.diff(node.frames.time[rows]) - period * step
+        result: npt.NDArray[np.bool_] = (
+            _between(restarts, rows)
+            | (_between(met, rows) & (step > 1))
+            | (step < -_OVERTAKEN_MAX)
+            | (disagree > period * _COUNTER_WRAP / 2)
+            | (disagree < -_CLOCK_LAG_MAX)
+        )
         return result
 
     def kind(
@@ -511,6 +522,12 @@ class _Trace(_Reader):
         found = trace_checksum(self.node.frames.payload[order])
         if found != int(self.node.raw("Report", "TraceChecksum", sent)[0]):
             self.warnings.append("the trace does not match its checksum")
+
+
+def _between(marks: Indices, rows: Indices) -> npt.NDArray[np.bool_]:
+    """Is there a mark between each row and the next? (n - 1,) for n rows."""
+    result: npt.NDArray[np.bool_] = np.diff(np.searchsorted(marks, rows)) > 0
+    return result
 
 
 def _unwrap(counts: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
