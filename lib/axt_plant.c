@@ -143,25 +143,29 @@ static void step_twist(axt_plant *plant, axt_real torque) {
     plant->twist_force = next;
 }
 
-/* A step in which the axis passes half a turn, or turns at half a turn a step, or the torque is
- * none: what happens seldom and need not be fast. */
-static axt_status limit_body(axt_plant *plant, axt_real torque, axt_two *travel, axt_two *impulse) {
+/* Brings `travel` back within half a turn of zero: once a turn. The subtraction is exact, as travel
+ * and turn lie within a factor of two of each other (Sterbenz). */
+static void wrap_travel(axt_plant *plant, axt_two *travel) {
+    const axt_real half_turn = plant->half_turn;
+    if (travel->hi > half_turn) {
+        travel->hi -= half_turn + half_turn;
+        plant->turns = axt_wrap_add(plant->turns, 1);
+    } else if (travel->hi < -half_turn) {
+        travel->hi += half_turn + half_turn;
+        plant->turns = axt_wrap_add(plant->turns, -1);
+    }
+}
+
+/* At half a turn a step the speed saturates, unless it is the torque that is none. */
+static axt_status limit_impulse(axt_plant *plant, axt_real torque, axt_two *impulse) {
     const axt_status status = check_torque(plant, torque);
-    if (status != AXT_OK) {
-        plant->rejected++;
-        return status;
-    }
-    /* exact: travel and turn lie within a factor of two of each other (Sterbenz) */
-    if (axt_abs(travel->hi) > plant->half_turn) {
-        const int32_t turns = (travel->hi > AXT_R(0)) ? 1 : -1;
-        travel->hi -= (axt_real)turns * (AXT_R(2) * plant->half_turn);
-        plant->turns = axt_wrap_add(plant->turns, turns);
-    }
-    if (axt_abs(impulse->hi) > plant->half_turn) {
+    if (status == AXT_OK) {
         impulse->hi = (impulse->hi > AXT_R(0)) ? plant->half_turn : -plant->half_turn;
         impulse->lo = AXT_R(0);
+    } else {
+        plant->rejected++;
     }
-    return AXT_OK;
+    return status;
 }
 
 axt_status axt_plant_step(axt_plant *plant, axt_real torque) {
@@ -174,10 +178,13 @@ axt_status axt_plant_step(axt_plant *plant, axt_real torque) {
 
     /* one comparison for all that is out of the ordinary, not-a-number included */
     if (!(axt_abs(travel.hi) + axt_abs(impulse.hi) <= plant->half_turn)) {
-        const axt_status status = limit_body(plant, torque, &travel, &impulse);
-        if (status != AXT_OK) {
-            return status;
+        if (!(axt_abs(impulse.hi) <= plant->half_turn)) {
+            const axt_status status = limit_impulse(plant, torque, &impulse);
+            if (status != AXT_OK) {
+                return status;
+            }
         }
+        wrap_travel(plant, &travel);
     }
     plant->travel = travel.hi;
     plant->travel_low = travel.lo;

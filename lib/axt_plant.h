@@ -85,10 +85,10 @@ axt_status axt_plant_set(axt_plant *plant, const axt_motion *motion, axt_real to
 
 /* One step of Newmark's method: `torque` [N m] is the torque at the end of the step, varying
  * linearly from the last one. Cost: 8 multiply-adds for the twist, 22 additions for the rigid body,
- * one comparison, no division; about 20 operations more in the steps in which the axis passes half
- * a turn. AXT_ERROR_NOT_FINITE, or AXT_ERROR_RANGE for a torque that would turn the axis by more
- * than half a turn in one step: counted in `rejected`, and the plant does not move. The speed of
- * the rigid body saturates at half a turn a step. */
+ * one comparison, no division; about 10 operations more in the steps in which the axis passes half
+ * a turn. AXT_ERROR_NOT_FINITE, or AXT_ERROR_RANGE for a torque that in one step would take a
+ * resting axis to more than half a turn a step: counted in `rejected`, and the plant does not move.
+ * Below that the speed of the rigid body saturates at half a turn a step. */
 axt_status axt_plant_step(axt_plant *plant, axt_real torque);
 
 /* The present motion. Cost: about 25 operations. */

@@ -28,7 +28,7 @@ static const char usage[] =
     "  --counts MOTOR[,TABLE]  encoder counts a turn (default: 1048576)\n"
     "  --rated-torque NM     what 1000 per mille of torque means (default: 0.64)\n"
     "  --trace-size N        samples that the trace can hold (default: 32768)\n"
-    "  --expected I1,I2,B,K  what the estimator expects, within a factor of 100\n"
+    "  --expected I1,I2,B,K  what the estimator expects, within a factor of 10\n"
     "                        (default: 5e-5,5e-6,1e-3,200)\n"
     "  --forgetting LAMBDA   of the estimator, 0.9 to 1 (default: 0.99995)\n"
     "axis\n"
