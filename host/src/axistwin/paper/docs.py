@@ -77,9 +77,12 @@ def render(template: str, results: Path) -> str:
         json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
         for name in ("tables", "studies")
     )
-    page = template.replace("<<LS>>", "\n".join(_least_squares(tables)))
-    page = page.replace("<<RLS>>", "\n".join(_recursive(tables, studies)))
-    return _NOTE + _PLACEHOLDER.sub(lambda match: _number(match[1], tables, studies), page)
+    page = _PLACEHOLDER.sub(lambda match: _number(match[1], tables, studies), template)
+    if "<<LS>>" in page:
+        page = page.replace("<<LS>>", "\n".join(_least_squares(tables)))
+    if "<<RLS>>" in page:
+        page = page.replace("<<RLS>>", "\n".join(_recursive(tables, studies)))
+    return _NOTE + page
 
 
 def _number(text: str, tables: Tables, studies: Tables) -> str:

@@ -106,16 +106,16 @@ def _power_of_two(size: Array) -> Array:
     return result
 
 
-def read(phi: Array, time_step: float) -> Axis:
+def read(phi: Array, time_step: float, given_I2: float = AXIS.I2) -> Axis:
     """The parameters from phi as the paper's tables have them.
 
     As printed, Eq. 9 has no inertia beside T, so only K/I1, K/I2, B/I1 and B/I2 can be read off it
     and one inertia has to be given: the true I2. K from theta1 -> omega2, I1 and I2 from the ratios
     of the angle entries, B from omega1 -> omega1.
     """
-    K = phi[0, 3] * AXIS.I2 / time_step
+    K = phi[0, 3] * given_I2 / time_step
     I1 = -K * time_step / phi[0, 1]
-    I2 = -AXIS.I2 * phi[0, 3] / phi[2, 3]
+    I2 = -given_I2 * phi[0, 3] / phi[2, 3]
     B = (1.0 - phi[1, 1]) * I1 / time_step
     return Axis(float(I1), float(I2), float(B), float(K))
 
