@@ -122,7 +122,7 @@ class Motion:
 class IdentSettings:
     """Settings of the recursive identification; see lib/axt_regressor.h.
 
-    ``time_step`` between samples [s]; ``expected`` the axis within a factor of 100 and ``torque``
+    ``time_step`` between samples [s]; ``expected`` the axis within a factor of 10 and ``torque``
     the size of the torque [N m] likewise: they scale, and never set the answer. ``forgetting``
     is lambda, 0.9 to 1.
     """
