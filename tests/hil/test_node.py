@@ -169,6 +169,21 @@ def test_an_interrupted_log_leaves_the_node_as_it_was(
     emulator.stop()
 
 
+def test_the_excitation_is_switched(
+    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
+) -> None:
+    start_emulator(vcan, *SLOW_STREAM)
+    settings = ("--length", "512", "--lines", "5", "--rms", "0.05")
+    for switch, arguments in (("on", settings), ("off", ())):
+        outcome = host("excite", switch, *arguments, *vcan.host)
+        outcome.expect(0)
+        assert outcome.output == f"node 1: excitation {switch}\n"
+        trace = tmp_path / f"{switch}.csv"
+        host("trace", *vcan.host, "-n", "512", "-f", str(trace)).expect(0)
+        rms = np.sqrt(np.mean(read_record(trace).torque ** 2))
+        assert rms == pytest.approx(0.05 if switch == "on" else 0.0, rel=1e-3)
+
+
 def test_what_a_node_cannot_do_is_said(
     vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
 ) -> None:

@@ -299,13 +299,11 @@ def test_the_latest_complete_estimate_is_found() -> None:
 
     cut = list(snapshot(7, 3.0, 1))[:-1]
     sent = [*snapshot(5, 1.0, 0), *snapshot(6, 2.0, 1), *cut]
-    found = frames.estimate(frames.Frames.of(sent), CONTRACT, 1)
-    assert found is not None
-    assert pytest.approx(8.0) == found.axis.K
-    assert found.modal.zeta == pytest.approx(14.0)
-    assert pytest.approx(0.02) == found.axis_error.I1
-    assert found.valid == (True, True, True, True)
-    assert frames.estimate(frames.Frames.of(cut), CONTRACT, 1) is None
+    found = decode(identity() + stream(Axis(20)) + sent).meta["node_estimate"]
+    assert found["axis"] == pytest.approx({"I1": 2.0, "I2": 4.0, "B": 6.0, "K": 8.0})
+    assert found["modal_error"] == pytest.approx({"wn": 0.1, "wd": 0.12, "zeta": 0.14})
+    assert found["valid"] == (True, True, True, True)
+    assert "node_estimate" not in decode(identity() + stream(Axis(20)) + cut).meta
 
 
 @given(st.binary(min_size=8, max_size=8))

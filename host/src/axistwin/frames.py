@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import can
@@ -28,7 +28,6 @@ IDENTITY = (
     "StreamDecimation",
     "TraceCapacity",
 )
-COUNTERS = ("Overruns", "LostSamples", "RejectedSamples")
 
 _AXIS = ("I1", "I2", "B", "K")
 _MODAL = ("Wn", "Wd", "Zeta")
@@ -144,22 +143,6 @@ def decode(
     chosen = part or ("trace" if len(node.rows("Trace")) > 0 else "stream")
     reader = _Trace if chosen == "trace" else _Stream
     return reader(node, source, settings, warnings).record()
-
-
-def estimate(frames: Frames, contract: Contract, node_id: int) -> Estimate | None:
-    """The latest complete estimate that a node has reported."""
-    return _Node(frames, contract, node_id).estimate()
-
-
-def pages(frames: Frames, contract: Contract, node_id: int) -> dict[str, float]:
-    """The latest value of each report page that a node has sent, by name."""
-    node = _Node(frames, contract, node_id)
-    found = {}
-    for signal in contract.messages["Report"].signals:
-        value = node.page(signal.name) if signal.multiplexer_ids else None
-        if value is not None:
-            found[signal.name] = value
-    return found
 
 
 def short(value: np.float32 | float) -> float:
@@ -354,9 +337,15 @@ class _Reader:
             missing=missing,
             source=self.source,
             warnings=tuple(self.warnings),
-            meta={"node": self.node.id, "part": self.part},
+            meta=self.meta(),
             linear=self.settings.linear,
         )
+
+    def meta(self) -> dict[str, Any]:
+        """Which node this is, and what it has found out about its axis."""
+        estimate = self.node.estimate()
+        found = {"node_estimate": asdict(estimate)} if estimate is not None else {}
+        return {"node": self.node.id, "part": self.part, **found}
 
     def warn(self, missing: int, count: int) -> None:
         """Notes everything about these frames that is not as it should be."""

@@ -67,6 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
     path = Path(arguments.file)
     if path.suffix.lower() not in (*csvfile.ENDINGS, *_log_endings()):
         raise InputError(f"cannot write {path}: its ending is neither .csv nor that of a bus log")
+    if arguments.samples is not None and arguments.samples < 1:
+        raise InputError(f"-n has to be 1 or more samples, not {arguments.samples}")
     if not 0.0 <= arguments.settle < float("inf"):
         raise InputError(f"--settle has to be 0 or more seconds, not {arguments.settle}")
     terminal = Terminal()
