@@ -17,6 +17,23 @@ axt_status axt_loop_simulate(const axt_axis *axis, axt_real time_step, const axt
     return status;
 }
 
+axt_status axt_loop_integrate(axt_method method, const axt_axis *axis, axt_real time_step,
+                              const axt_motion *start, const axt_real *torque, size_t n,
+                              axt_motion *motion, size_t *done) {
+    axt_integrator integrator;
+    *done = 0;
+    axt_status status = axt_integrator_init(&integrator, method, axis, time_step);
+    for (size_t i = 0; i < n && status == AXT_OK; i++) {
+        status = (i == 0) ? axt_integrator_set(&integrator, start, torque[0])
+                          : axt_integrator_step(&integrator, torque[i]);
+        if (status == AXT_OK) {
+            axt_integrator_read(&integrator, &motion[i]);
+            *done = i + 1;
+        }
+    }
+    return status;
+}
+
 axt_status axt_loop_read_encoder(uint32_t counts_per_turn, axt_encoder_place place,
                                  const axt_motion *motion, size_t n, int32_t *counts,
                                  size_t *done) {

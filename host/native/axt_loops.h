@@ -16,6 +16,11 @@ axt_status axt_loop_simulate(const axt_axis *axis, axt_real time_step, const axt
                              const axt_motion *start, const axt_real *torque, size_t n,
                              axt_motion *motion, size_t *done);
 
+/* As axt_loop_simulate(), by any of the methods of axt_integrator.h. */
+axt_status axt_loop_integrate(axt_method method, const axt_axis *axis, axt_real time_step,
+                              const axt_motion *start, const axt_real *torque, size_t n,
+                              axt_motion *motion, size_t *done);
+
 /* Reading of one encoder at n motions. */
 axt_status axt_loop_read_encoder(uint32_t counts_per_turn, axt_encoder_place place,
                                  const axt_motion *motion, size_t n, int32_t *counts, size_t *done);

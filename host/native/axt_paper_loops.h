@@ -8,11 +8,6 @@
 
 #include "axt.h"
 
-/* As axt_loop_simulate(), by any of the methods of axt_integrator.h. */
-axt_status axt_loop_integrate(axt_method method, const axt_axis *axis, axt_real time_step,
-                              const axt_motion *start, const axt_real *torque, size_t n,
-                              axt_motion *motion, size_t *done);
-
 /* Recursive least squares over n equations y = theta phi: phi[n][inputs], y[n][outputs]. After
  * every `every` of them and after the last: theta[][outputs][inputs], and in definite[] whether P
  * has been positive definite after each update so far (axt_rls_invariants()). */

@@ -19,6 +19,7 @@ from axistwin.errors import AxisTwinError, InputError, NotEnoughDataError
 
 Precision: TypeAlias = Literal["float32", "float64"]
 Form: TypeAlias = Literal["3x2", "5x4"]
+Method: TypeAlias = Literal["newmark", "houbolt", "wilson", "runge_kutta", "exact", "exact_held"]
 Array: TypeAlias = npt.NDArray[np.float64]
 
 _MODULES = {"float32": "axistwin._core32", "float64": "axistwin._core64"}
@@ -284,6 +285,37 @@ def simulate(
         done,
     )
     _check(core, status, f"simulation of {axis}, {time_step=}, stopped at sample {done[0]}")
+    return Motion(precision, motion)
+
+
+def integrate(
+    method: Method,
+    axis: Axis,
+    time_step: float,
+    torque: npt.ArrayLike,
+    state: State | None = None,
+    precision: Precision = "float64",
+) -> Motion:
+    """As simulate(), by any method of axt_integrator.h.
+
+    The torque is linear between samples, or held from each to the next with ``exact_held``.
+    """
+    core = _load(precision)
+    values = _reals(core, torque, "torque")
+    motion = np.zeros(len(values), core.dtype("axt_motion"))
+    start = _motions(core, [state or State()])
+    done = core.ffi.new("size_t *")
+    status = core.lib.axt_loop_integrate(
+        getattr(core.lib, f"AXT_METHOD_{method.upper()}"),
+        _axis(core, axis),
+        time_step,
+        core.array("axt_motion", start),
+        core.array("axt_real", values),
+        len(values),
+        core.array("axt_motion", motion),
+        done,
+    )
+    _check(core, status, f"{method} for {axis}, {time_step=}, stopped at sample {done[0]}")
     return Motion(precision, motion)
 
 

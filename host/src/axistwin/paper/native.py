@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from axistwin import core
-from axistwin.core import Array, Axis, IdentSettings, Motion, Precision, State
+from axistwin.core import Array, Axis, IdentSettings, Motion, Precision
+from axistwin.core import Method as Method
+from axistwin.core import integrate as integrate
 from axistwin.errors import InputError
-
-Method: TypeAlias = Literal["newmark", "houbolt", "wilson", "runge_kutta", "exact", "exact_held"]
-
 
 #: Start of P for equations scaled to about 1, as in axt_ident.c: forgotten soon.
 PRIOR: dict[Precision, float] = {"float32": 1e9, "float64": 1e13}
@@ -29,37 +28,6 @@ class Regression:
 
     theta: Array
     definite: npt.NDArray[np.bool_]
-
-
-def integrate(
-    method: Method,
-    axis: Axis,
-    time_step: float,
-    torque: npt.ArrayLike,
-    state: State | None = None,
-    precision: Precision = "float64",
-) -> Motion:
-    """As core.simulate(), by any method of axt_integrator.h.
-
-    The torque is linear between samples, or held from each to the next with ``exact_held``.
-    """
-    c = core._load(precision)
-    values = core._reals(c, torque, "torque")
-    motion = np.zeros(len(values), c.dtype("axt_motion"))
-    start = core._motions(c, [state or State()])
-    done = c.ffi.new("size_t *")
-    status = c.lib.axt_loop_integrate(
-        getattr(c.lib, f"AXT_METHOD_{method.upper()}"),
-        core._axis(c, axis),
-        time_step,
-        c.array("axt_motion", start),
-        c.array("axt_real", values),
-        len(values),
-        c.array("axt_motion", motion),
-        done,
-    )
-    core._check(c, status, f"{method} for {axis}, {time_step=}, stopped at sample {done[0]}")
-    return Motion(precision, motion)
 
 
 def recursive_least_squares(
