@@ -201,5 +201,9 @@ def test_a_file_that_cannot_be_written_is_said(
     for verb in ("log", "trace"):
         outcome = host(verb, *vcan.host, "-f", str(tmp_path / "no" / "such" / "folder.asc"))
         outcome.expect(3, "cannot write", "No such file or directory")
+    full = tmp_path / "full.log"
+    full.symlink_to("/dev/full")
+    outcome = host("log", *vcan.host, "-f", str(full), "--duration", "3")
+    outcome.expect(3, "cannot write", "No space left on device")
     outcome = host("log", *vcan.host, "-f", str(tmp_path / "x.odt"))
     outcome.expect(2, "cannot write", "x.odt")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import errno
+import logging
 import os
 import socket
 import time
@@ -39,7 +40,7 @@ from axistwin.frames import IDENTITY, short
 #: every 100 ms.
 HEARTBEAT_TIMEOUT = 0.5
 
-#: What a command's answer may take; a busy bus included.
+#: What an answer may take at least, a busy bus included.
 ANSWER_TIMEOUT = 1.0
 
 # Room in the kernel for what is received while this program is busy: some seconds of a full bus.
@@ -58,6 +59,7 @@ _KNOWN_ERRORS = {
     errno.ENOENT: "there is no such device",
     errno.ENETDOWN: "the interface is down",
 }
+_LOGGING = ("critical", "info", "debug")
 _STREAMING_AFTER = {"StreamStart": True, "StreamStop": False}
 _REFUSALS = {
     1: "it does not know this command",
@@ -127,6 +129,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help=f"a node that has been silent this long is gone (default: {HEARTBEAT_TIMEOUT:g})",
     )
+    group.add_argument(
+        "-v",
+        dest="verbosity",
+        action="count",
+        default=0,
+        help="show python-can's messages (-vv: all)",
+    )
     group.add_argument("--dbc", metavar="FILE", help="wire contract (default: the built-in one)")
 
 
@@ -134,7 +143,7 @@ class Node:
     """A connection to one node. Use it as a context manager, or close() it.
 
     ``sinks`` are called with every message that is received. ``errors`` counts bus error frames,
-    ``frames`` everything else.
+    ``frames`` everything else. ``pages`` and ``page_flags`` are the latest report pages by name.
     """
 
     def __init__(
@@ -157,6 +166,7 @@ class Node:
         self.page_flags: dict[str, int] = {}
         self._open_bus = open_bus
         self._heartbeat_timeout = heartbeat_timeout
+        self.answer_timeout = max(ANSWER_TIMEOUT, 2.0 * heartbeat_timeout)
         self._bus: can.BusABC | None = None
         self._drained = True
         self._heard: set[int] = set()
@@ -270,22 +280,30 @@ class Node:
         message = self.contract.command(self.id, name, argument)
         argument_of = self.contract.reader("Command", name)
         wanted = self.contract.choice("Command", name), argument_of(bytes(message.data))
+
+        def answers() -> list[bytes]:
+            return [a for a in self._answers if (self._flags(a), self._answer(a)) == wanted]
+
         self._answers.clear()
         self._send(message)
-        begin = time.monotonic()
-        while not self._timed_out(begin):
-            self.poll(0.05)
-            for answer in self._answers:
-                if (self._flags(answer), self._answer(answer)) == wanted:
-                    self._check_result(self._sequence(answer), name, argument)
-                    self.streaming = _STREAMING_AFTER.get(name, self.streaming)
-                    return
-        raise NoAnswerError(f"node {self.id} does not answer the command {name}")
+        if not self.wait_until(lambda: bool(answers()), self.answer_timeout):
+            raise NoAnswerError(f"node {self.id} does not answer the command {name}")
+        self._check_result(self._sequence(answers()[0]), name, argument)
+        self.streaming = _STREAMING_AFTER.get(name, self.streaming)
 
-    def _timed_out(self, begin: float) -> bool:
-        """Is an answer overdue? While frames are waiting to be dealt with, it may be among them."""
-        waited = time.monotonic() - begin
-        return waited > (ANSWER_TIMEOUT if self._drained else 10.0 * ANSWER_TIMEOUT)
+    def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Polls until the condition holds; False when it does not within ``timeout`` [s].
+
+        While frames are waiting to be dealt with, what is wanted may be among them: it then takes
+        ten times as long to give up. Raises NodeLostError as poll() does.
+        """
+        begin = time.monotonic()
+        while not condition():
+            waited = time.monotonic() - begin
+            if waited > (timeout if self._drained else 10.0 * timeout):
+                return False
+            self.poll(0.05)
+        return True
 
     def _check_result(self, result: int, name: str, argument: float) -> None:
         if result != 0:
@@ -312,7 +330,7 @@ class Node:
         if self._bus is None:
             raise NodeLostError("the bus is closed")
         try:
-            self._bus.send(message, timeout=ANSWER_TIMEOUT)
+            self._bus.send(message, timeout=self.answer_timeout)
         except (can.CanError, OSError, ValueError) as error:
             raise NodeLostError(f"cannot send on the bus: {_reason(error)}") from error
 
@@ -369,6 +387,7 @@ class Node:
             self.errors += 1
         else:
             self.frames += 1
+        if not (received.is_error_frame or received.is_extended_id or received.is_remote_frame):
             identifier = received.arbitration_id
             if identifier in self._heartbeats:
                 self._heard.add(identifier - self._heartbeats.start + NODES.start)
@@ -411,6 +430,8 @@ def node_of(arguments: argparse.Namespace) -> Node:
             f"--heartbeat-timeout has to be a positive time, not {arguments.heartbeat_timeout}"
         )
     defaults = _defaults(arguments)
+    logging.basicConfig(format="%(name)s: %(message)s")
+    can.set_logging_level(_LOGGING[min(arguments.verbosity, len(_LOGGING) - 1)])
 
     def open_bus() -> can.BusABC:
         merged = argparse.Namespace(**{**defaults, **vars(arguments)})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
@@ -57,12 +56,9 @@ def switch_on(node: Node, arguments: argparse.Namespace) -> None:
     was_streaming = node.streaming
     if not was_streaming:
         node.command("StreamStart")
-    deadline = time.monotonic() + _FILLING_MAX
     node.forget_status()
-    while not node.excited:
-        if time.monotonic() > deadline:
-            raise BusError(f"node {node.id} does not apply the excitation")
-        node.poll(0.05)
+    if not node.wait_until(lambda: bool(node.excited), _FILLING_MAX):
+        raise BusError(f"node {node.id} does not apply the excitation")
     if not was_streaming:
         node.command("StreamStop")
 

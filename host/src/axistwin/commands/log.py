@@ -123,11 +123,12 @@ def _writing(path: Path) -> Iterator[can.Listener]:
     except OSError as error:
         raise FileError(f"cannot write {path}: {error.strerror}") from error
     try:
-        yield writer
+        try:
+            yield writer
+        finally:
+            writer.stop()
     except OSError as error:
         raise FileError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        writer.stop()
 
 
 @contextlib.contextmanager
@@ -200,7 +201,8 @@ def _report(log: _Log, path: Path, json_file: str | None) -> None:
     for gap in log.gaps:
         lasted = "to the end" if gap.duration is None else f"for {gap.duration:.1f} s"
         log.terminal.note(f"gap from {gap.begin:.1f} s on, {lasted}: {gap.reason}")
-    print(path)
+    if json_file != "-":
+        print(path)
     if json_file is not None:
         assert log.node.info is not None
         write_json(

@@ -23,7 +23,7 @@ _SAMPLES = 10240
 # Flags of the report page TraceCaptured.
 _CAPTURING, _READY = 1, 2
 
-# The node says when it is done; it is asked again in case that was lost.
+# A node that has not said by now that it is done is asked.
 _ASK_AGAIN = 1.0
 
 # An upload that pauses for this long has lost frames or has ended.
@@ -77,17 +77,22 @@ def run(arguments: argparse.Namespace) -> int:
         info = node.connect(arguments.wait, terminal.note)
         terminal.note(f"node {node.id}: {info}")
         count = arguments.samples or min(_SAMPLES, info.trace_capacity)
-        with excitation.excited(node, arguments):
-            if arguments.excite:
-                trace.wait(arguments.settle)
-            trace.capture(count)
-        trace.upload()
+        try:
+            with excitation.excited(node, arguments):
+                if arguments.excite:
+                    trace.wait(arguments.settle)
+                trace.capture(count)
+            trace.upload()
+        except KeyboardInterrupt:
+            node.command("TraceAbort")
+            raise
         terminal.clear()
     _save(trace, path)
     terminal.note(
         f"{count} samples, {count * info.control_period:.4g} s, checksum {trace.checksum:08x}"
     )
-    print(path)
+    if arguments.json != "-":
+        print(path)
     if arguments.json is not None:
         write_json(
             arguments.json,
@@ -140,18 +145,14 @@ class _Trace:
         node = self._node
         assert node.info is not None
         node.command("TraceArm", self._count)
-        # Simulated time may run slower than ours; a node that hangs must not hang us.
-        deadline = time.monotonic() + 10.0 + 20.0 * self._count * node.info.control_period
-        ask = time.monotonic() + _ASK_AGAIN
         self._terminal.live(f"capturing {self._count} samples")
         node.page_flags["TraceCaptured"] = _CAPTURING
-        while node.page_flags["TraceCaptured"] != _READY:
-            node.poll(0.05)
+        # Simulated time may run slower than ours, but a node that hangs must not hang us.
+        deadline = time.monotonic() + 10.0 + 20.0 * self._count * node.info.control_period
+        while not node.wait_until(lambda: node.page_flags["TraceCaptured"] == _READY, _ASK_AGAIN):
             if time.monotonic() > deadline:
                 raise BusError(f"node {node.id} does not finish its trace")
-            if time.monotonic() > ask:
-                node.command("Identify")
-                ask = time.monotonic() + _ASK_AGAIN
+            node.command("Identify")  # in case the word of it was lost
 
     def upload(self) -> None:
         """Fetches all frames; what gets lost is asked for again.
@@ -204,14 +205,12 @@ class _Trace:
 
     def _announced_checksum(self) -> int:
         """What the node says the checksum is, along with everything else that it says of itself."""
-        del self._node.pages["TraceChecksum"]
-        self._node.command("Identify")
-        deadline = time.monotonic() + bus.ANSWER_TIMEOUT
-        while "TraceChecksum" not in self._node.pages:
-            if time.monotonic() > deadline:
-                raise BusError(f"node {self._node.id} does not say the checksum of its trace")
-            self._node.poll(0.05)
-        return int(self._node.pages["TraceChecksum"])
+        node = self._node
+        node.pages.pop("TraceChecksum", None)
+        node.command("Identify")
+        if not node.wait_until(lambda: "TraceChecksum" in node.pages, node.answer_timeout):
+            raise BusError(f"node {node.id} does not say the checksum of its trace")
+        return int(node.pages["TraceChecksum"])
 
     def _first_missing(self) -> int | None:
         """Index of the first sample that is not whole; None when all have come."""
