@@ -379,6 +379,16 @@ CASE(a_chirp_sweeps_its_frequency_and_joins_itself) {
     }
 }
 
+CASE(no_signal_is_longer_than_its_period) {
+    table[127] = 100;
+    CHECK_EQUAL(axt_harmonic_fill(table, 127, 5), AXT_OK);
+    CHECK_EQUAL(axt_impulse_fill(table, 127), AXT_OK);
+    CHECK_EQUAL(axt_noise_fill(table, 127, 1), AXT_OK);
+    CHECK_EQUAL(axt_binary_fill(table, 127, 7, 1), AXT_OK);
+    CHECK_EQUAL(axt_chirp_fill(table, 127, 1, 50), AXT_OK);
+    CHECK_NEAR(table[127], 100, 0);
+}
+
 CASE(other_signals_refuse_what_makes_no_sense_and_write_nothing) {
     memset(table, 0x55, sizeof table);
     memset(other, 0x55, sizeof other);
@@ -488,6 +498,7 @@ int main(void) {
     RUN(binary_sequences_have_a_flat_spectrum);
     RUN(binary_sequences_can_hold_their_bits);
     RUN(a_chirp_sweeps_its_frequency_and_joins_itself);
+    RUN(no_signal_is_longer_than_its_period);
     RUN(other_signals_refuse_what_makes_no_sense_and_write_nothing);
     RUN(a_table_can_be_scaled_to_an_rms);
     RUN(a_long_table_is_scaled_as_exactly_as_a_short_one);

@@ -163,7 +163,8 @@ static void check_motion(setting which, uint32_t seed, double speed, const axt_a
         for (size_t i = 0; i < FORMS; i++) {
             take_motion(&ident[i], &b);
             if (b.sample == b.period || b.sample == periods * b.period) {
-                check_estimate(&ident[i], tolerance, tolerance);
+                const double within = (forms[i] == AXT_IDENT_3X2) ? tolerance : nearly_exact;
+                check_estimate(&ident[i], within, within);
             }
         }
     }
@@ -626,26 +627,21 @@ static double entry(const axt_ident *ident, uint32_t output, uint32_t input) {
 
 CASE(the_surplus_entries_of_an_ideal_axis_are_zero) {
     static bench b;
-    bench_start(&b, SETTING_A, 0, 0);
+    bench_start(&b, SETTING_A, 0, 300); /* many turns: the angle is reckoned from a nearby zero */
     const axt_ident_config config = config_of(AXT_IDENT_5X4, SETTING_A);
     axt_ident ident = ident_of(&config);
-    while (b.sample < 4 * b.period) {
+    while (b.sample < 50 * b.period) {
         bench_step(&b);
         take_motion(&ident, &b);
     }
-    for (uint32_t output = 0; output < 4; output++) {
-        /* the rates of q and r are q' and r', those of q' and r' come from the twist and the torque
-         */
-        for (uint32_t input = 0; input < 5; input++) {
-            const bool kinematic = output < 2;
-            const bool surplus =
-                kinematic ? input != output + Q_RATE : input == R || input == R_RATE;
-            if (kinematic && !surplus) {
-                CHECK_NEAR(entry(&ident, output, input), 1, BY_TYPE(1e-5, 1e-10));
-            } else if (surplus) {
-                CHECK_NEAR(ident.rls.theta[output][input], 0, BY_TYPE(1e-5, 1e-10));
-            }
-        }
+    /* the rates of q and r are q' and r'; the rates of q' and r' depend on neither r nor r' */
+    CHECK_NEAR(entry(&ident, Q, Q_RATE), 1, BY_TYPE(1e-5, 1e-10));
+    CHECK_NEAR(entry(&ident, R, R_RATE), 1, BY_TYPE(1e-5, 1e-10));
+    static const uint32_t surplus[][2] = {
+        {Q, Q},      {Q, R},      {Q, R_RATE}, {Q, TORQUE},      {R, Q},      {R, R},
+        {R, Q_RATE}, {R, TORQUE}, {Q_RATE, R}, {Q_RATE, R_RATE}, {R_RATE, R}, {R_RATE, R_RATE}};
+    for (size_t i = 0; i < COUNT_OF(surplus); i++) {
+        CHECK_NEAR(ident.rls.theta[surplus[i][0]][surplus[i][1]], 0, BY_TYPE(1e-5, 1e-10));
     }
 }
 
