@@ -17,7 +17,7 @@ from axistwin.paper.report import Report
 from axistwin.paper.style import use_style
 
 #: Modules of this package with a function run(report), those that take longest first.
-STUDIES = ("torque", "figures", "tables", "errata")
+STUDIES = ("excitations", "torque", "figures", "tables", "integrators", "estimators", "errata")
 
 
 def run_study(name: str, folder: Path) -> Report:

@@ -190,7 +190,7 @@ def _bias_free(report: Report, precision: Precision) -> None:
         estimates = given.axes(found.theta[[n - 1 for n in PERIODS]])
         axes.append(Axis(*estimates[0].tolist()))
         values += _after_periods(setting, estimates, bool(found.definite.all()))
-        held_motion = native.integrate(
+        held_motion = core.integrate(
             "exact_held", AXIS, setting.time_step, torque, precision=precision
         )
         values += _held(setting, held_motion, torque)
