@@ -272,8 +272,8 @@ CASE(neither_the_zero_of_an_encoder_nor_its_wrap_changes_a_bit) {
 
 /* Torque that the estimator does not know of, whose mean over each step is white: then the errors
  * of the equations are white, and the standard errors of least squares are exact. */
-static wide with_white_mean(uint64_t *seed, wide last) {
-    return 2 * 2e-3L * (wide)gaussian(seed) - last;
+static wide with_white_mean(uint64_t *seed, wide size, wide last) {
+    return 2 * size * (wide)gaussian(seed) - last;
 }
 
 static void check_standard_errors(const axt_axis *axis) {
@@ -294,8 +294,8 @@ static void check_standard_errors(const axt_axis *axis) {
         wide on_motor = 0;
         wide on_table = 0;
         while (b.sample < 2 * b.period) {
-            on_motor = with_white_mean(&seed, on_motor);
-            on_table = with_white_mean(&seed, on_table);
+            on_motor = with_white_mean(&seed, 2e-3L, on_motor);
+            on_table = with_white_mean(&seed, 2e-3L, on_table);
             bench_step_disturbed(&b, on_motor, on_table);
             for (size_t i = 0; i < FORMS; i++) {
                 take_motion(&ident[i], &b);
@@ -331,6 +331,36 @@ CASE(standard_errors_are_the_scatter_of_many_runs) {
     const axt_axis damped = {
         .I1 = (axt_real)2e-5, .I2 = (axt_real)1.5e-5, .B = (axt_real)0.02, .K = 110};
     check_standard_errors(&damped); /* zeta 0.33: all terms of the gradients count */
+}
+
+CASE(a_parameter_is_valid_when_its_error_is_below_a_tenth) {
+    uint64_t seed = 4;
+    uint32_t seen = 0; /* combinations of flags, a bit each */
+    for (uint32_t run = 0; run < 60; run++) {
+        static bench b;
+        bench_start(&b, SETTING_A, run + 1, 0);
+        const axt_ident_config config = config_of(forms[run % FORMS], SETTING_A);
+        axt_ident ident = ident_of(&config);
+        const wide size = (wide)log_uniform(&seed, 1e-3, 1);
+        wide on_motor = 0;
+        while (b.sample < b.period) {
+            on_motor = with_white_mean(&seed, size, on_motor);
+            bench_step_disturbed(&b, on_motor, 0);
+            take_motion(&ident, &b);
+        }
+        axt_estimate e;
+        if (axt_ident_result(&ident, &e) == AXT_OK) {
+            CHECK_EQUAL((e.valid & AXT_VALID_I1) != 0, 10 * e.axis_error.I1 < e.axis.I1);
+            CHECK_EQUAL((e.valid & AXT_VALID_I2) != 0, 10 * e.axis_error.I2 < e.axis.I2);
+            CHECK_EQUAL((e.valid & AXT_VALID_B) != 0, 10 * e.axis_error.B < e.axis.B);
+            CHECK_EQUAL((e.valid & AXT_VALID_K) != 0, 10 * e.axis_error.K < e.axis.K);
+            seen |= UINT32_C(1) << e.valid;
+        }
+    }
+    /* all of them, all but the damping, none */
+    const uint32_t expected = (UINT32_C(1) << AXT_VALID_ALL) |
+                              (UINT32_C(1) << (AXT_VALID_ALL - AXT_VALID_B)) | UINT32_C(1);
+    CHECK_EQUAL(seen & expected, expected);
 }
 
 /* ---- Nothing is learned from what shows nothing --------------------------------------------- */
@@ -743,6 +773,7 @@ int main(void) {
     RUN(counts_alone_give_the_parameters);
     RUN(neither_the_zero_of_an_encoder_nor_its_wrap_changes_a_bit);
     RUN(standard_errors_are_the_scatter_of_many_runs);
+    RUN(a_parameter_is_valid_when_its_error_is_below_a_tenth);
     RUN(no_sample_no_answer);
     RUN(an_axis_that_does_not_vibrate_tells_nothing);
     RUN(encoders_that_flicker_at_rest_teach_nothing);
