@@ -13,7 +13,9 @@ from axistwin.readers import read_record
 
 from .conftest import VCAN, Carrier, Host, StartEmulator
 
+# A minute for the node: on an emulated processor its seconds may last longer than ours.
 DURATION = 60.0
+PATIENCE = 1.25
 RATE = 1000.0
 
 
@@ -22,7 +24,7 @@ def test_a_minute_of_live_stream_without_a_lost_sample(
 ) -> None:
     emulator = start_emulator(vcan, "--rate", "20000", "--stream-rate", str(RATE))
     log, summary = tmp_path / "minute.log", tmp_path / "minute.json"
-    arguments = ("--duration", str(DURATION), "-f", str(log), "--json", str(summary))
+    arguments = ("--duration", str(PATIENCE * DURATION), "-f", str(log), "--json", str(summary))
     outcome = host("log", *vcan.host, "--excite", *arguments)
     print(outcome.messages)
     outcome.expect(0)
@@ -31,7 +33,7 @@ def test_a_minute_of_live_stream_without_a_lost_sample(
     assert found["lost"] == 0
     assert found["bus_errors"] == 0
     assert found["gaps"] == []
-    assert found["samples"] >= 0.99 * DURATION * RATE
+    assert found["samples"] >= DURATION * RATE
     assert 0.2 < found["bus_load"] < 0.35  # 2000 frames/s of at most 135 bits at 1 Mbit/s
 
     record = read_record(log)

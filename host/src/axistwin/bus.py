@@ -21,9 +21,9 @@ from typing import Any
 import can
 import can.cli
 import can.util
-from can.interfaces.slcan import slcanBus
 from can.interfaces.socketcan import SocketcanBus
 
+from axistwin import slcan
 from axistwin.contract import NODES, Contract, load_contract
 from axistwin.errors import (
     AxisTwinError,
@@ -210,7 +210,7 @@ class Node:
             # A carrier that has gone cannot be closed properly, and says so in many ways.
             with contextlib.suppress(Exception):
                 self._bus.shutdown()
-            if isinstance(self._bus, slcanBus):  # stays open where it could not say goodbye
+            if isinstance(self._bus, slcan.SlcanBus):  # stays open where it could not say goodbye
                 self._bus.serialPortOrig.close()
             self._bus = None
 
@@ -254,7 +254,7 @@ class Node:
             self._take(message)
             taken += 1
             message = self._receive(0.0) if taken < _BATCH else None
-        self._drained = taken < _BATCH and not self._is_pending()
+        self._drained = taken < _BATCH
         if self.info is None:
             return
         silent = time.monotonic() - self._last_heartbeat
@@ -373,15 +373,6 @@ class Node:
                 f"version {self.contract.version}; give the matching file with --dbc"
             )
 
-    def _is_pending(self) -> bool:
-        """Has more come than recv(0) has made of it? SLCAN's gives up in the middle of a line."""
-        if not isinstance(self._bus, slcanBus):
-            return False
-        try:
-            return bool(self._bus.serialPortOrig.in_waiting)
-        except OSError as error:
-            raise NodeLostError(f"the bus has failed: {_reason(error)}") from error
-
     def _take(self, received: can.Message) -> None:
         if received.is_error_frame:
             self.errors += 1
@@ -429,6 +420,7 @@ def node_of(arguments: argparse.Namespace) -> Node:
         raise InputError(
             f"--heartbeat-timeout has to be a positive time, not {arguments.heartbeat_timeout}"
         )
+    slcan.register()
     defaults = _defaults(arguments)
     logging.basicConfig(format="%(name)s: %(message)s")
     can.set_logging_level(_LOGGING[min(arguments.verbosity, len(_LOGGING) - 1)])
