@@ -10,12 +10,11 @@ from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from pathlib import Path
 
-import can
-
 from axistwin import bus, excitation
-from axistwin.errors import AxisTwinError, FileError, InputError, NodeLostError
+from axistwin.errors import AxisTwinError, InputError, NodeLostError
 from axistwin.monitor import BusLoad, StreamMonitor
 from axistwin.output import write_json
+from axistwin.readers import buslog
 from axistwin.terminal import Terminal
 
 _DEFAULT_BIT_RATE = 1_000_000
@@ -95,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
             terminal,
         )
         failure: NodeLostError | None = None
-        with _writing(path) as write:
+        with buslog.writing(path) as write:
             node.sinks += [write, log.monitor, log.load]
             try:
                 with _streaming(log, arguments), excitation.excited(node, arguments):
@@ -109,26 +108,6 @@ def run(arguments: argparse.Namespace) -> int:
     if failure is not None:
         raise failure
     return NodeLostError.exit_code if log.gaps else 0
-
-
-@contextlib.contextmanager
-def _writing(path: Path) -> Iterator[can.Listener]:
-    """The open log file as a receiver of messages."""
-    try:
-        writer = can.Logger(path)
-    except ValueError as error:
-        raise InputError(f"cannot write {path}: {error}") from error
-    except can.CanInterfaceNotImplementedError as error:
-        raise InputError(f"cannot write {path}: {error}; pip install 'axistwin[mf4]'") from error
-    except OSError as error:
-        raise FileError(f"cannot write {path}: {error.strerror}") from error
-    try:
-        try:
-            yield writer
-        finally:
-            writer.stop()
-    except OSError as error:
-        raise FileError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 @contextlib.contextmanager

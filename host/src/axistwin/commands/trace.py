@@ -14,7 +14,7 @@ from axistwin import bus, excitation, frames
 from axistwin.contract import PAYLOAD
 from axistwin.errors import BusError, InputError
 from axistwin.output import atomic_write, write_json
-from axistwin.readers import csvfile
+from axistwin.readers import buslog, csvfile
 from axistwin.record import Record, write_csv
 from axistwin.terminal import Terminal
 
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Captures, fetches, checks and saves. Returns the exit status."""
     path = Path(arguments.file)
-    if path.suffix.lower() not in (*csvfile.ENDINGS, *_log_endings()):
+    if path.suffix.lower() not in (*csvfile.ENDINGS, *buslog.writable_endings()):
         raise InputError(f"cannot write {path}: its ending is neither .csv nor that of a bus log")
     if arguments.samples is not None and arguments.samples < 1:
         raise InputError(f"-n has to be 1 or more samples, not {arguments.samples}")
@@ -224,15 +224,11 @@ class _Trace:
         return frames.trace_checksum(np.frombuffer(ordered, np.uint8))
 
 
-def _log_endings() -> tuple[str, ...]:
-    return tuple(can.io.logger.MESSAGE_WRITERS)
-
-
 def _save(trace: _Trace, path: Path) -> None:
     """Writes the trace as a record or as a bus log, wholly or not at all."""
     if path.suffix.lower() in csvfile.ENDINGS:
         write_csv(trace.record(), path)
         return
-    with atomic_write(path) as partial, can.Logger(partial) as writer:
+    with atomic_write(path) as partial, buslog.writing(partial) as writer:
         for message in trace.messages:
             writer(message)

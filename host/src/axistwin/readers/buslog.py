@@ -1,17 +1,21 @@
-"""Records as bus logs: whatever python-can reads, decoded by the wire contract."""
+"""Bus logs: whatever python-can reads, decoded to a record by the contract; and writing them."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
 import can
+from can.io.logger import MESSAGE_WRITERS
 from can.io.player import MESSAGE_READERS
 
 from axistwin.contract import Contract
-from axistwin.errors import InputError
+from axistwin.errors import FileError, InputError
 from axistwin.frames import Frames, Settings, decode
 from axistwin.record import Record
+
+_INSTALL_MF4 = "MF4 takes a further package: pip install 'axistwin[mf4]'"
 
 _CSV_HEADER = "timestamp,arbitration_id"
 
@@ -19,6 +23,11 @@ _CSV_HEADER = "timestamp,arbitration_id"
 def endings() -> tuple[str, ...]:
     """Endings of the names of files that python-can reads."""
     return (*MESSAGE_READERS, ".gz")
+
+
+def writable_endings() -> tuple[str, ...]:
+    """Endings of the names of files that python-can writes."""
+    return tuple(MESSAGE_WRITERS)
 
 
 def is_csv_log(path: Path) -> bool:
@@ -54,6 +63,8 @@ def _messages(path: Path, damage: list[str]) -> Iterator[can.Message]:
             for message in reader:
                 yield message
                 count += 1
+    except NotImplementedError:
+        damage.append(_INSTALL_MF4)
     except Exception as error:  # each of python-can's readers stumbles in its own way
         reason = " ".join(str(error).split())[:100] or type(error).__name__
         damage.append(
@@ -61,3 +72,26 @@ def _messages(path: Path, damage: list[str]) -> Iterator[can.Message]:
             if count > 0
             else reason
         )
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[can.Listener]:
+    """A new bus log as a receiver of messages; its ending says in which format.
+
+    Raises InputError for an unknown ending, FileError when the file cannot be written.
+    """
+    try:
+        writer = can.Logger(path)
+    except ValueError as error:
+        raise InputError(f"cannot write {path}: {error}") from error
+    except NotImplementedError:
+        raise InputError(f"cannot write {path}: {_INSTALL_MF4}") from None
+    except OSError as error:
+        raise FileError(f"cannot write {path}: {error.strerror}") from error
+    try:
+        try:
+            yield writer
+        finally:
+            writer.stop()
+    except OSError as error:
+        raise FileError(f"cannot write {path}: {error.strerror or error}") from error
