@@ -71,7 +71,7 @@ def central_differences(
     angles = counts / counts_per_turn
     speeds = (angles[2:] - angles[:-2]) * (_TURN / (2.0 * time_step))
     angles = angles[1:-1]
-    samples = np.resize(core.motion([State()]).samples, len(angles))
+    samples = np.zeros(len(angles), core.motion([State()]).samples.dtype)
     samples["twist"] = (angles[:, 0] - angles[:, 1]) * _TURN
     samples["twist_speed"] = speeds[:, 0] - speeds[:, 1]
     samples["speed"] = speeds[:, 0]

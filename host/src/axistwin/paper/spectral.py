@@ -61,13 +61,19 @@ class Fit:
 
 
 def average(
-    time_step: float, N: int, lines: npt.NDArray[np.int64], torque: Array, motion: Array
+    time_step: float,
+    N: int,
+    lines: npt.NDArray[np.int64],
+    torque: Array,
+    motion: Array,
+    rounding: float = 0.0,
 ) -> Average:
     """Average of the whole periods of N samples in torque (n,) and motion (n, 2 or 4).
 
     The power of the noise is taken from second differences over the periods of the later half,
-    which steady motion and drift leave at zero. Raises NotEnoughDataError with fewer than five
-    periods.
+    which steady motion and drift leave at zero. Of motion in steps of ``rounding`` the total is
+    known, one twelfth of a step squared: what does not differ from period to period repeats, and
+    averaging does not lessen it. Raises NotEnoughDataError with fewer than five periods.
     """
     P = len(torque) // N
     if P < 5:
@@ -76,9 +82,12 @@ def average(
     spectrum = np.fft.fft(periods.mean(axis=0), axis=0)[lines]
     later = periods[min(P // 2, P - 3) :]
     variance = np.mean(np.diff(later, 2, axis=0) ** 2, axis=(0, 1)) / 6.0
-    power = variance * N / P
+    repeating = np.maximum(rounding**2 / 12.0 - variance[1:], 0.0)
+    torque_power, motion_power = variance[0] / P, variance[1:] / P + repeating
     z = np.exp(2j * np.pi * lines / N)
-    return Average(time_step, z, spectrum[:, 0], spectrum[:, 1:], float(power[0]), power[1:])
+    return Average(
+        time_step, z, spectrum[:, 0], spectrum[:, 1:], N * float(torque_power), N * motion_power
+    )
 
 
 def rough(data: Average) -> Axis:
