@@ -106,7 +106,7 @@ typedef struct {
 
 static void read_spread(const axt_ident *ident, spread *found) {
     const uint32_t *column = axt_regressor_columns(&ident->regressor);
-    const axt_real per_freedom = AXT_R(1) / (ident->weight - AXT_R(3));
+    const axt_real per_freedom = AXT_R(1) / (ident->weight - (axt_real)ident->rls.inputs);
     for (uint32_t i = 0; i < 3; i++) {
         for (uint32_t j = 0; j < 3; j++) {
             found->P[i][j] = axt_rls_covariance(&ident->rls, column[i], column[j]);

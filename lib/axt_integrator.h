@@ -4,11 +4,12 @@
  * body, from samples of the torque, all but one taking it as linear between samples:
  *
  *     Newmark        Eqs. 4-6 with 1/4, 1/2
- *     Houbolt        backward differences over three past positions; the first two steps are
- * Newmark's Wilson-theta   acceleration linear over 1.4 Dt Runge-Kutta    the classical
- * fourth-order method; explicit, stable for wn Dt < 2.8 exact          the matrix exponential,
- * torque linear between samples exact, held    the matrix exponential, torque held from each sample
- * to the next, as a drive does: the new sample then acts from the end of the step on
+ *     Houbolt        backward differences of three past positions (its first two steps: Newmark)
+ *     Wilson-theta   acceleration linear over 1.4 Dt
+ *     Runge-Kutta    the classical method of fourth order; explicit, stable for wn Dt < 2.8
+ *     exact          the matrix exponential, torque linear between samples
+ *     exact, held    the matrix exponential, torque held from each sample to the next, as a
+ *                    drive does: a new sample acts from the end of the step on
  *
  * The formulas are those of K.-J. Bathe, Finite Element Procedures, chapter 9. The plant to emulate
  * an axis with is axt_plant.h: here the rigid-body angle is one plain number.

@@ -8,9 +8,9 @@
  * without bias (the paper's Eq. 9, forward Euler, does not). The state is taken in the twist q and
  * the rigid-body angle r = theta1 - I2 / (I1 + I2) q of the expected axis, where float32 suffices:
  *
- *     5x4:  d/dt [q, r, q', r'] on [q, r, q', r', T]: the whole of Eq. 8. Its surplus entries are
- * zero for the ideal axis and say what is not ideal when they are not. 3x2:  d/dt [q', r'] on [q,
- * q', T]: just what the four parameters need.
+ *     5x4:  d/dt [q, r, q', r'] on [q, r, q', r', T]: the whole of Eq. 8. Its surplus entries
+ *           are zero for the ideal axis, and say what is not ideal when they are not.
+ *     3x2:  d/dt [q', r'] on [q, q', T]: just what the four parameters need.
  *
  * The regression is linear, so motor and table accelerations are sums of its rows, and the
  * parameters do not depend on the inertias that were expected.

@@ -62,8 +62,9 @@ axt_status axt_rls_update(axt_rls *rls, const axt_real *phi, const axt_real *y);
 /* Element (row, column) of P = U D U'; 0 for indices out of range. */
 axt_real axt_rls_covariance(const axt_rls *rls, uint32_t row, uint32_t column);
 
-/* Every condition that holds between two calls: finite state, positive diagonal, |Pij|^2 <= Pii
- * Pjj, settings in range. For tests, fuzzers and self-checks; about 100 operations. */
+/* Every condition that holds between two calls: settings in range, finite state, D positive and not
+ * above its start, and with it P positive definite. For tests, fuzzers and self-checks; about 50
+ * operations. */
 bool axt_rls_invariants(const axt_rls *rls);
 
 #endif

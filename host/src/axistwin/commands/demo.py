@@ -168,7 +168,7 @@ def _comparison(truth: dict[str, float], node: dict[str, float], host: dict[str,
     """Real, estimated, error: for the estimator on the node and for the host."""
     lines = [
         "",
-        f"{'':16}{'':13}{'On the node (C, float32, online)':^30}  {'On the host (from the trace)':^28}",
+        f"{'':29}{'On the node (C, float32, online)':^30}  {'On the host (from the trace)':^28}",
         f"{'':16}{'Real':>13}" + 2 * f"{'Estimated':>16}{'Error (%)':>14}",
     ]
     for name, unit, _ in _QUANTITIES:
