@@ -7,6 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# How long an example takes depends on what else the machine does: never a reason to fail. And a run
+# tries what the last one tried, so that a failure can be repeated.
+settings.register_profile("axistwin", deadline=None, derandomize=True)
+settings.load_profile("axistwin")
 
 # Where the measured records can be had, by the folder that they are kept in.
 SOURCES = {
