@@ -245,9 +245,10 @@ def test_held_torque_is_identified_without_bias(axis: Axis, x: float, seed: int)
     found = held.parameters(equations, held.identify(equations).theta[-1])
     np.testing.assert_allclose(astuple(found), astuple(axis), rtol=1e-6)
     taken_as_linear = held.parameters(equations, held.identify(equations).theta[-1], cayley=True)
-    # tan(x/2) / (x/2) - 1, for light damping
+    # 1 - (x/2) / tan(x/2) without damping, and zeta of it more or less with
     wrong = 1.0 - taken_as_linear.I1 / axis.I1
-    assert wrong == pytest.approx(1.0 - (x / 2.0) / math.tan(x / 2.0), rel=0.1)
+    tolerance = 0.1 + core.modal(axis).zeta
+    assert wrong == pytest.approx(1.0 - (x / 2.0) / math.tan(x / 2.0), rel=tolerance)
 
 
 def test_the_core_integrates_held_torque_exactly() -> None:
@@ -343,6 +344,10 @@ FIGURES = [
     "figure-12-recursive-I1",
     "family-of-excitations",
     "map-over-N-and-k",
+    "integrators",
+    "excitations",
+    "estimators",
+    "noise",
 ]
 
 
@@ -444,6 +449,10 @@ def test_the_pages_figures_are_those_of_this_run() -> None:
         (132.065, "+.0f", "+132"),
         (-5e-6, "+.1f", "0.0"),
         (1.6e-4, ".2g", "0.00016"),
+        (1.0, ".2g", "1.0"),
+        (84.8, ".2g", "85"),
+        (317.0, ".2g", "320"),
+        (14700.0, ".2g", "1.5e4"),
         (1.43e-6, ".1e", "1.4e-6"),
         (0.0739, ".1%", "7.4 %"),
         (3.1e-12, "below", "1e-11"),
