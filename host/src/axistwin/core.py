@@ -316,6 +316,7 @@ def integrate(
         done,
     )
     _check(core, status, f"{method} for {axis}, {time_step=}, stopped at sample {done[0]}")
+    motion["turns"] += start["turns"]  # the integrators start within a turn
     return Motion(precision, motion)
 
 

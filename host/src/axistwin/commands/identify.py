@@ -9,6 +9,7 @@ from axistwin import identify, plots, readers
 from axistwin.core import Axis
 from axistwin.errors import InputError
 from axistwin.identify.result import RIGID
+from axistwin.identify.samples import HOLDS
 from axistwin.output import write_json
 from axistwin.terminal import Terminal
 
@@ -22,6 +23,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="auto",
         help="two inertias and a shaft, which takes both encoders, or the rigid axis with friction "
         "(default: what the record can answer)",
+    )
+    parser.add_argument(
+        "--hold",
+        choices=("auto", *HOLDS),
+        default="auto",
+        help="two inertias: the torque between samples, by the trapezoidal rule of the emulated "
+        "axis (newmark), held from each to the next as a drive does (zoh), or linear (foh) "
+        "(default: find out)",
     )
     parser.add_argument(
         "--bandwidth",
@@ -55,7 +64,11 @@ def run(arguments: argparse.Namespace) -> int:
 
     record = readers.read(arguments)
     result = identify.identify(
-        record, arguments.model, bandwidth=arguments.bandwidth, progress=progress
+        record,
+        arguments.model,
+        hold=arguments.hold,
+        bandwidth=arguments.bandwidth,
+        progress=progress,
     )
     if arguments.validate is not None:
         other = copy.copy(arguments)

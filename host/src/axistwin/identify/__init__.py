@@ -22,7 +22,7 @@ from axistwin.identify.result import (
     axis_truth,
     table,
 )
-from axistwin.identify.samples import Samples, longest_stretch
+from axistwin.identify.samples import HOLDS, Hold, Samples, longest_stretch
 from axistwin.record import Record
 
 __all__ = [
@@ -46,13 +46,15 @@ def identify(
     record: Record,
     model: Model = "auto",
     *,
+    hold: Hold | Literal["auto"] = "auto",
     bandwidth: float | None = None,
     progress: Progress = lambda _: None,
 ) -> Identification:
     """Identify the axis that a record shows.
 
     With both encoders the axis of Eq. 3, two inertias; with one, or where ``auto`` finds that the
-    record cannot tell more, the rigid axis with friction. ``bandwidth`` [Hz] of the fastest motion
+    record cannot tell more, the rigid axis with friction. ``hold`` says how the torque went on
+    between samples; ``auto`` finds out. ``bandwidth`` [Hz] of the fastest motion
     that the rigid axis shall explain, a fiftieth of the record's rate unless given. ``progress``
     is called with a line now and then.
 
@@ -60,8 +62,9 @@ def identify(
     """
     samples = longest_stretch(record)
     _check_excitation(samples)
+    holds = HOLDS if hold == "auto" else (hold,)
     with np.errstate(all="ignore"):  # what overflows is noticed, and refused, further down
-        found = _identify(record, samples, model, bandwidth, progress)
+        found = _identify(record, samples, model, holds, bandwidth, progress)
     if samples.count < len(record):
         gaps = f"the longest stretch without a missing sample is used, {samples.count} samples"
         found = replace(found, notes=(*found.notes, gaps))
@@ -69,13 +72,18 @@ def identify(
 
 
 def _identify(
-    record: Record, samples: Samples, model: Model, bandwidth: float | None, progress: Progress
+    record: Record,
+    samples: Samples,
+    model: Model,
+    holds: tuple[Hold, ...],
+    bandwidth: float | None,
+    progress: Progress,
 ) -> Identification:
     if model == RIGID or (model == "auto" and samples.theta2 is None):
         return rigid.identify(record, samples, bandwidth)
     if model == TWO_INERTIA:
-        return two_inertia.identify(record, samples, progress)
-    return _as_far_as_possible(record, samples, bandwidth, progress)
+        return two_inertia.identify(record, samples, holds, progress)
+    return _as_far_as_possible(record, samples, holds, bandwidth, progress)
 
 
 def validate(
@@ -93,7 +101,7 @@ def validate(
         if result.model == RIGID:
             comparisons = (rigid.predict(samples, result.estimate, bandwidth),)
         else:
-            comparisons = two_inertia.predict(samples, result.estimate)
+            comparisons = two_inertia.predict(samples, result.estimate, result.hold or HOLDS[0])
     errors = {channel.name: channel.relative_error for channel in comparisons}
     return replace(result, validation=Validation(record.source, errors))
 
@@ -111,10 +119,14 @@ def _check_excitation(samples: Samples) -> None:
 
 
 def _as_far_as_possible(
-    record: Record, samples: Samples, bandwidth: float | None, progress: Progress
+    record: Record,
+    samples: Samples,
+    holds: tuple[Hold, ...],
+    bandwidth: float | None,
+    progress: Progress,
 ) -> Identification:
     try:
-        return two_inertia.identify(record, samples, progress)
+        return two_inertia.identify(record, samples, holds, progress)
     except NotEnoughDataError as reason:
         try:
             found = rigid.identify(record, samples, bandwidth)

@@ -4,7 +4,7 @@ The measured torque drives the C plant, and the parameters, the state at the fir
 zeros are adjusted until the simulated angles differ least from the measured ones (L. Ljung, System
 Identification, sections 7.4 and 10.2). Torque and time are taken as exact, the noise sits in the
 angles: that is how a drive's record is made, and it is why this fit has no bias where a regression
-has one. For noise of one size that is not correlated it reaches the Cramer-Rao bound.
+has one. With white noise it reaches the Cramer-Rao bound.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import scipy.optimize
 from axistwin import core
 from axistwin.core import Array
 from axistwin.errors import InputError, NotEnoughDataError
-from axistwin.identify import regression
-from axistwin.identify.samples import Samples
-from axistwin.identify.statistics import covariance, least_squares
+from axistwin.identify import noise, regression
+from axistwin.identify.samples import HOLDS, ROUNDING, Hold, Samples
+from axistwin.identify.statistics import covariance, least_squares, whiteness
 
 #: Unknowns of the fit. The first four are the axis; the response is linear in all others: the state
 #: at the first sample, the table encoder's zero against the motor's, and a constant load.
@@ -30,21 +30,24 @@ _AXIS = 4
 #: Relative step of the central differences: the cube root of the precision of a double.
 _STEP = 6e-6
 
-#: Inertias, damping and stiffness in units of the start: at least this, to start with at least that.
+#: Inertias, damping and stiffness in units of the start: at least this, and that to start with.
 #: Damping may come out as good as zero, but central differences need room below it.
 _AXIS_MIN = (1e-3, 1e-3, 2.0 * _STEP, 1e-3)
 _START_MIN = 1e-2
 
-#: Rounds of weighing the channels by their own residuals, and the change that ends them.
-_ROUNDS = 5
-_WEIGHTS_SETTLED = 0.01
+#: Rounds of fitting with the noise of the last round, and what ends them: its log size settles.
+_ROUNDS = 10
+_SETTLED = 1e-3
+
+#: Rounds of the linear regression that completes an axis, with the noise of the last round.
+_COMPLETIONS = 3
 
 #: Corners of the filter to start with, how often it is moved at most, and the change that ends it.
 _CORNERS = 8
 _PASSES = 3
 _CORNER_SETTLED = 0.02
 
-#: Evaluations of the fit: a start that is any good needs five.
+#: Evaluations of one round: a start that is any good needs five.
 _EVALUATIONS_MAX = 50
 
 _NOTHING_NEAR = "no two-inertia axis comes near to what was measured"
@@ -56,13 +59,15 @@ Progress = Callable[[str], None]
 class OutputErrorFit:
     """``unknowns`` (10,) in the order of UNKNOWNS with their ``covariance``; ``simulated`` and
     ``residual`` (simulated - measured) are (n, channels): theta1, theta2 [rad] and, when they were
-    measured, omega1, omega2 [rad/s]."""
+    measured, omega1, omega2 [rad/s]. ``log_size`` compares fits: the lower, the more likely."""
 
+    hold: Hold
     unknowns: Array
     covariance: Array
     simulated: Array
     residual: Array
     freedom: int
+    log_size: float
 
     @property
     def axis(self) -> core.Axis:
@@ -70,30 +75,65 @@ class OutputErrorFit:
         return core.Axis(*(float(value) for value in self.unknowns[:_AXIS]))
 
 
-def fit(samples: Samples, start: core.Axis, progress: Progress = lambda _: None) -> OutputErrorFit:
+def fit(
+    samples: Samples,
+    start: core.Axis,
+    holds: tuple[Hold, ...] = HOLDS,
+    progress: Progress = lambda _: None,
+) -> OutputErrorFit:
     """Adjust axis, initial state, zero and load to the samples, from a start near the answer.
 
-    Gauss-Newton steps in a trust region, with the sensitivities of the float64 plant by central
-    differences. Channels are weighed by their own residuals. Raises NotEnoughDataError when the
-    samples do not determine the axis.
+    The first fit that leaves white noise, or nothing, is the answer; ``holds`` are tried in order.
+    When none does, the noise is modelled too, and the most likely fit is the answer: where friction
+    drags both angles away from the model, their fast motion still counts in full. Raises
+    NotEnoughDataError when the samples do not determine the axis.
     """
-    problem = _Problem(samples)
-    unknowns, _ = problem.complete(start)
+    found = []
+    reason = NotEnoughDataError(_NOTHING_NEAR)
+    for memory in (0, noise.MEMORY):
+        for hold in holds:
+            progress(f"output error, {hold}, {'coloured' if memory else 'white'} noise")
+            try:
+                candidate = _fit(_Problem(samples, hold), start, memory)
+            except NotEnoughDataError as error:
+                reason = error
+                continue
+            if memory == 0 and _nothing_left(candidate, samples):
+                return candidate
+            found.append(candidate)
+    if not found:
+        raise reason
+    return min(found, key=lambda candidate: candidate.log_size)
+
+
+def _nothing_left(found: OutputErrorFit, samples: Samples) -> bool:
+    """Is what this fit leaves white noise, or no more than rounding of the record itself?"""
+    twist = found.residual[:, 0] - found.residual[:, 1]
+    if np.std(twist) < ROUNDING * np.std(samples.twist):
+        return True
+    return whiteness(found.residual).white
+
+
+def _fit(problem: _Problem, start: core.Axis, memory: int) -> OutputErrorFit:
+    """The most likely unknowns for noise with this memory.
+
+    Gauss-Newton steps in a trust region, with the sensitivities of the float64 plant by central
+    differences, repeated with the noise that the last round left.
+    """
+    unknowns, errors = problem.complete(start)
     scale = problem.scale(unknowns)
     unknowns[:_AXIS] = np.maximum(unknowns[:_AXIS], _START_MIN * scale[:_AXIS])
-    sigma = problem.noise_guess()
     lower = np.full(len(UNKNOWNS), -np.inf)
     lower[:_AXIS] = _AXIS_MIN
+    model = problem.noise_in(errors, memory)
 
-    for round_ in range(_ROUNDS):
-        progress(f"output error, round {round_ + 1}")
+    for _ in range(_ROUNDS):
 
-        def residual(x: Array, sigma: Array = sigma) -> Array:
-            result: Array = ((problem.simulate(x * scale) - problem.measured) / sigma).ravel()
-            return result
+        def residual(x: Array, model: noise.Noise = model) -> Array:
+            return model.whiten(problem.simulate(x * scale) - problem.measured).ravel()
 
-        def jacobian(x: Array, sigma: Array = sigma) -> Array:
-            return (problem.sensitivity(x * scale, scale) / sigma[:, None]).reshape(-1, len(x))
+        def jacobian(x: Array, model: noise.Noise = model) -> Array:
+            return model.whiten(problem.sensitivity(x * scale, scale)).reshape(-1, len(x))
 
         solution = scipy.optimize.least_squares(
             residual,
@@ -102,23 +142,27 @@ def fit(samples: Samples, start: core.Axis, progress: Progress = lambda _: None)
             bounds=(lower, np.inf),
             x_scale="jac",
             xtol=1e-12,
-            ftol=1e-10,
+            ftol=1e-8,
             gtol=None,
             max_nfev=_EVALUATIONS_MAX,
         )
-        if solution.status <= 0:
-            raise NotEnoughDataError(_NOTHING_NEAR)
         unknowns = solution.x * scale
         errors = problem.simulate(unknowns) - problem.measured
-        settled = sigma
-        sigma = problem.noise_found(errors)
-        if np.all(np.abs(sigma / settled - 1.0) < _WEIGHTS_SETTLED):
+        before, model = model, problem.noise_in(errors, memory)
+        if abs(model.log_size - before.log_size) < _SETTLED:
             break
+    if solution.status <= 0:
+        raise NotEnoughDataError(_NOTHING_NEAR)
 
-    weighted = problem.sensitivity(unknowns, scale) / sigma[:, None]
-    spread = covariance(weighted, errors / sigma) * np.outer(scale, scale)
+    slope = model.whiten(problem.sensitivity(unknowns, scale))
     return OutputErrorFit(
-        unknowns, spread, problem.measured + errors, errors, errors.size - len(UNKNOWNS)
+        hold=problem.hold,
+        unknowns=unknowns,
+        covariance=covariance(slope, model.whiten(errors)) * np.outer(scale, scale),
+        simulated=problem.measured + errors,
+        residual=errors,
+        freedom=errors.size - len(UNKNOWNS),
+        log_size=problem.noise_in(errors, noise.MEMORY).log_size,
     )
 
 
@@ -129,7 +173,7 @@ def find_start(samples: Samples, progress: Progress = lambda _: None) -> core.Ax
     corner moved to the natural frequency just found; the axis whose simulation is closest to the
     measurement is taken. Raises NotEnoughDataError when none of them is an axis.
     """
-    problem = _Problem(samples)
+    problem = _Problem(samples, HOLDS[0])
     candidates = []
     if samples.has_speeds:
         candidates.append(_axis_from(regression.midpoint(samples)))
@@ -150,19 +194,20 @@ def filter_corner(axis: core.Axis, samples: Samples) -> float:
     return min(core.modal(axis).wn, 2.0 / samples.time_step)
 
 
-def adjust_start(samples: Samples, axis: core.Axis) -> Array:
+def adjust_start(samples: Samples, axis: core.Axis, hold: Hold) -> Array:
     """The channels (n, c) as this axis has them, only state, zero and load adjusted to the samples.
 
     Raises NotEnoughDataError when the axis cannot be simulated with these samples.
     """
-    problem = _Problem(samples)
+    problem = _Problem(samples, hold)
     return problem.measured + problem.complete(axis)[1]
 
 
 class _Problem:
     """What is measured, and what the plant answers for given unknowns."""
 
-    def __init__(self, samples: Samples) -> None:
+    def __init__(self, samples: Samples, hold: Hold) -> None:
+        self.hold = hold
         self._samples = samples
         channels = [samples.theta1, samples.table]
         if samples.has_speeds:
@@ -175,13 +220,20 @@ class _Problem:
         *state, zero, load = (float(value) for value in unknowns[_AXIS:])
         torque = self._samples.torque + load
         try:
-            motion = core.simulate(axis, self._samples.time_step, torque, core.State(*state))
+            motion = self._run(axis, torque, core.State(*state))
         except InputError:
             return np.full_like(self.measured, np.inf)
         channels = [motion.theta1, motion.theta2 + zero]
         if self._samples.has_speeds:
             channels += [motion.omega1, motion.omega2]
         return np.column_stack(channels)
+
+    def _run(self, axis: core.Axis, torque: Array, state: core.State) -> core.Motion:
+        time_step = self._samples.time_step
+        if self.hold == "newmark":
+            return core.simulate(axis, time_step, torque, state)
+        method: core.Method = "exact_held" if self.hold == "zoh" else "exact"
+        return core.integrate(method, axis, time_step, torque, state)
 
     def sensitivity(self, unknowns: Array, scale: Array) -> Array:
         """Derivative (n, c, p) of the channels by the unknowns in units of ``scale``.
@@ -202,31 +254,41 @@ class _Problem:
     def complete(self, axis: core.Axis) -> tuple[Array, Array]:
         """The unknowns (10,) for this axis that fit best, and the errors (n, c) that they leave.
 
-        All but the axis enter linearly: one linear regression. Raises NotEnoughDataError where
-        there is no such axis or the samples do not determine the unknowns.
+        All but the axis enter linearly: a linear regression, repeated with the channels weighed by
+        the errors that it leaves. Raises NotEnoughDataError where there is no such axis or the
+        samples do not determine the unknowns.
         """
         unknowns = np.zeros(len(UNKNOWNS))
         unknowns[:_AXIS] = [axis.I1, axis.I2, axis.B, axis.K]
         start = self.simulate(unknowns)
         scale = self.scale(unknowns)
-        sigma = self.noise_guess()
         columns = []
         for i in range(_AXIS, len(UNKNOWNS)):
             step = np.zeros(len(UNKNOWNS))
             step[i] = scale[i]
-            columns.append(((self.simulate(unknowns + step) - start) / sigma).ravel())
-        wanted = ((self.measured - start) / sigma).ravel()
-        regressors = np.column_stack(columns)
-        if not np.all(np.isfinite(regressors)):
+            columns.append(self.simulate(unknowns + step) - start)
+        slope = np.stack(columns, axis=2)
+        if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(start))):
             raise NotEnoughDataError(_NOTHING_NEAR)
-        linear = least_squares(regressors, wanted[:, None])
-        unknowns[_AXIS:] = linear.solution[:, 0] * scale[_AXIS:]
-        return unknowns, -linear.residual.reshape(self.measured.shape) * sigma
+        model = self.noise_in(self.measured - np.mean(self.measured, axis=0), 0)
+        for _ in range(_COMPLETIONS):
+            regressors = model.whiten(slope).reshape(self.measured.size, -1)
+            wanted = model.whiten(self.measured - start).reshape(-1, 1)
+            linear = least_squares(regressors, wanted).solution[:, 0]
+            errors = start + slope @ linear - self.measured
+            model = self.noise_in(errors, 0)
+        unknowns[_AXIS:] = linear * scale[_AXIS:]
+        return unknowns, errors
+
+    def noise_in(self, errors: Array, memory: int) -> noise.Noise:
+        """The noise in errors (n, c), not below what rounding leaves."""
+        rounding = 4.0 * np.finfo(float).eps * np.max(np.abs(self.measured), axis=0)
+        return noise.estimate(errors, rounding, memory)
 
     def misfit(self, axis: core.Axis) -> float:
-        """Weighted sum of squared errors of complete(); infinite where there is no such axis."""
+        """The log size of what complete() leaves; infinite where there is no such axis."""
         try:
-            return float(np.sum((self.complete(axis)[1] / self.noise_guess()) ** 2))
+            return self.noise_in(self.complete(axis)[1], 0).log_size
         except NotEnoughDataError:
             return np.inf
 
@@ -242,21 +304,6 @@ class _Problem:
         load = (axis.I1 + axis.I2) * speed / samples.duration
         state = (twist, twist * wn, speed, travel)
         return np.array([axis.I1, axis.I2, damping, axis.K, *state, twist, load])
-
-    def noise_guess(self) -> Array:
-        """Standard deviation of the noise on each channel, before anything is known (c,)."""
-        size = np.std(self.measured, axis=0)
-        guess = [
-            1e-4 * channel if count is None else count / np.sqrt(12.0)
-            for count, channel in zip(self._samples.resolution, size[:2], strict=True)
-        ]
-        return np.array([*guess, *(1e-3 * size[2:])])
-
-    def noise_found(self, errors: Array) -> Array:
-        """The same from errors (n, c), not below what rounding leaves."""
-        floor = 4.0 * np.finfo(float).eps * np.max(np.abs(self.measured), axis=0)
-        result: Array = np.maximum(np.sqrt(np.mean(errors**2, axis=0)), floor)
-        return result
 
 
 def _refiltered(samples: Samples, corner: float) -> core.Axis | None:

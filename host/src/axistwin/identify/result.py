@@ -10,6 +10,7 @@ import numpy as np
 
 from axistwin import core
 from axistwin.core import Array
+from axistwin.identify.samples import ROUNDING, Hold
 from axistwin.identify.statistics import Whiteness, confidence_factor, gradient
 from axistwin.record import Record
 
@@ -38,9 +39,6 @@ _UNITS = {
 
 #: A parameter is determined when its standard error is below this share of it, as on the node.
 _RELATIVE_ERROR_MAX = 0.1
-
-#: A residual below this share of the signal is rounding of the record itself.
-_ROUNDING = 1e-6
 
 
 def unit(name: str, linear: bool) -> str:
@@ -131,7 +129,8 @@ class Identification:
     """The result of an identification from the ``used`` samples of a record.
 
     ``comparisons`` are the channels that were fitted, ``others`` what further methods say,
-    ``notes`` what a reader has to know, one line each.
+    ``notes`` what a reader has to know, one line each. ``hold`` is how the torque went on between
+    samples, where that matters.
     """
 
     model: str
@@ -140,6 +139,7 @@ class Identification:
     estimate: Estimate
     comparisons: tuple[Comparison, ...]
     whiteness: Whiteness
+    hold: Hold | None = None
     others: tuple[Estimate, ...] = ()
     notes: tuple[str, ...] = ()
     convergence: tuple[Convergence, ...] = ()
@@ -173,6 +173,7 @@ class Identification:
                 "warnings": list(self.record.warnings),
             },
             "model": self.model,
+            "hold": self.hold,
             **_estimate_json(self.estimate),
             "valid": self.valid,
             "undetermined": list(self.undetermined),
@@ -331,7 +332,7 @@ def _quality(result: Identification) -> list[str]:
             f"Residual of {channel.name}: {size} rms, "
             f"{100.0 * channel.relative_error:.3g} % of the signal"
         )
-    if max(channel.relative_error for channel in result.comparisons) < _ROUNDING:
+    if max(channel.relative_error for channel in result.comparisons) < ROUNDING:
         lines.append("The residual is no more than rounding: nothing is left to explain.")
     elif result.whiteness.white:
         lines.append("The residual is white: nothing is left to explain.")

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from axistwin.core import Array
 from axistwin.errors import NotEnoughDataError
 from axistwin.record import Record
+
+#: How the torque goes on between samples: by the trapezoidal rule of the emulated axis (Newmark's
+#: method), held from each sample to the next as a real drive does it (zero-order hold), or straight
+#: from one to the next, which a measured torque comes close to (first-order hold).
+Hold: TypeAlias = Literal["newmark", "zoh", "foh"]
+HOLDS: tuple[Hold, ...] = ("newmark", "zoh", "foh")
+
+#: An error below this share of the signal is rounding of the record itself.
+ROUNDING = 1e-6
 
 #: Fewer samples than this are not worth a regression.
 SAMPLES_MIN = 50

@@ -24,7 +24,7 @@ from axistwin.identify.result import (
     quantity,
     unit,
 )
-from axistwin.identify.samples import Samples
+from axistwin.identify.samples import Hold, Samples
 from axistwin.identify.statistics import confidence_factor, whiteness
 from axistwin.record import Record
 
@@ -48,7 +48,9 @@ _TURN = 2.0 * math.pi
 _AT_FULL_RATE = "take a trace at the full control rate: axistwin trace --excite"
 
 
-def identify(record: Record, samples: Samples, progress: Progress) -> Identification:
+def identify(
+    record: Record, samples: Samples, holds: tuple[Hold, ...], progress: Progress
+) -> Identification:
     """Identify I1, I2, B, K from an unbroken stretch of a record with both encoders.
 
     Raises NotEnoughDataError, with the reason and what to do, when they cannot be had from it.
@@ -56,7 +58,7 @@ def identify(record: Record, samples: Samples, progress: Progress) -> Identifica
     _check_twist(samples)
     try:
         start = output_error.find_start(samples, progress)
-        fit = output_error.fit(samples, start, progress)
+        fit = output_error.fit(samples, start, holds, progress)
     except NotEnoughDataError as error:
         raise NotEnoughDataError(f"{error}; {_AT_FULL_RATE}") from error
     comparisons = _compare(samples, fit.simulated)
@@ -70,22 +72,23 @@ def identify(record: Record, samples: Samples, progress: Progress) -> Identifica
         model=TWO_INERTIA,
         record=record,
         used=samples.count,
+        hold=fit.hold,
         estimate=estimate,
         others=(*_batch(samples, fit.axis), *(item[0] for item in recursive)),
         comparisons=comparisons,
         whiteness=whiteness(fit.residual),
-        notes=_notes(comparisons),
+        notes=_notes(comparisons, fit.hold),
         convergence=tuple(item[1] for item in recursive),
     )
 
 
-def predict(samples: Samples, estimate: Estimate) -> tuple[Comparison, ...]:
+def predict(samples: Samples, estimate: Estimate, hold: Hold) -> tuple[Comparison, ...]:
     """Twist and angles as this axis has them under the torque of other samples.
 
     State, zero and load at their start are adjusted to the samples, the axis is not.
     """
     axis = core.Axis(*(estimate.params[name].value for name in AXIS))
-    return _compare(samples, output_error.adjust_start(samples, axis))
+    return _compare(samples, output_error.adjust_start(samples, axis, hold))
 
 
 def _check_twist(samples: Samples) -> None:
@@ -231,12 +234,18 @@ def _curve(found: core.Estimates, method: str, time_step: float) -> Convergence:
     )
 
 
-def _notes(comparisons: tuple[Comparison, ...]) -> tuple[str, ...]:
+def _notes(comparisons: tuple[Comparison, ...], hold: Hold) -> tuple[str, ...]:
+    notes = []
+    if hold != "newmark":
+        how = "was held from each sample to the next" if hold == "zoh" else "varied linearly"
+        notes.append(
+            f"the torque {how} ({hold}); the other methods take the trapezoidal rule and are "
+            "biased by that"
+        )
     motor = comparisons[1]
     if motor.resolution and motor.rms > _ABOVE_ROUNDING * motor.resolution:
-        return (
+        notes.append(
             f"the motor angle is off by {motor.rms / motor.resolution:.3g} counts rms, more than "
-            "rounding: friction, a delay, torque between the samples or the like is not in this "
-            "model",
+            "rounding: friction, a delay or the like is not in this model"
         )
-    return ()
+    return tuple(notes)
