@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -80,6 +82,30 @@ def test_the_plant_is_the_trapezoidal_rule(N: int, k: int) -> None:
     assert found == pytest.approx(expected, abs=1e-9 * np.max(np.abs(expected)))
     twist = expected[:, 0] - expected[:, 1]
     assert motion.twist == pytest.approx(twist, abs=1e-8 * np.max(np.abs(twist)))
+
+
+@pytest.mark.parametrize(("method", "scipy_method"), [("exact_held", "zoh"), ("exact", "foh")])
+@pytest.mark.parametrize("angle", [0.0, 1e3])
+def test_the_exact_integrators_are_exact(
+    method: core.Method, scipy_method: Literal["zoh", "foh"], angle: float
+) -> None:
+    """From any state, however many turns away, for a torque held or linear between samples."""
+    dt = core.time_step(*SETTINGS[1], WN)
+    state = core.State(twist=1e-3, twist_speed=-2.0, speed=30.0, angle=angle)
+    start = np.array([angle, angle - 1e-3, 30.0, 32.0])
+    torque = excitation(*SETTINGS[1], 1)
+    A, B = state_space(PAPER)
+    response, held, _, feedthrough, _ = scipy.signal.cont2discrete(
+        (A, B, np.eye(4), np.zeros((4, 1))), dt, scipy_method
+    )
+    # scipy's first-order hold takes the torque at both ends of the step into its own state
+    x, expected = start - feedthrough[:, 0] * torque[0], []
+    for sample in torque:
+        expected.append(x + feedthrough[:, 0] * sample)
+        x = response @ x + held[:, 0] * sample
+    motion = core.integrate(method, PAPER, dt, torque, state)
+    found = np.column_stack([motion.theta1, motion.theta2, motion.omega1, motion.omega2])
+    assert found == pytest.approx(np.array(expected), abs=1e-9 * (1.0 + angle))
 
 
 @given(axes, st.integers(0, 2**32 - 1))
