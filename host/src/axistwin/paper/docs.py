@@ -116,7 +116,9 @@ def formatted(value: float, style: str) -> str:
         return f"1e{math.ceil(math.log10(max(abs(value), _LEAST)))}"
     if style.startswith("abs"):
         value, style = abs(value), style.removeprefix("abs").strip()
-    text = format(value, style)
+    if style.endswith("g"):
+        style = f"#{style}"  # 1.0 and not 1
+    text = format(value, style).replace(".e", "e").removesuffix(".")
     nothing = not re.search("[1-9]", text.lower().partition("e")[0])
     return _plain(text.lstrip("+-") if nothing else text)
 

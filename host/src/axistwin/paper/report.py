@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from decimal import ROUND_DOWN, ROUND_HALF_UP, Decimal
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -100,7 +100,8 @@ class Report:
     def figure(self, name: str, figure: Figure, data: Mapping[str, npt.ArrayLike]) -> None:
         """Writes NAME.png and NAME.csv, the plotted numbers.
 
-        ``data`` has a column for each key (name and unit); columns may differ in length.
+        ``data`` has a column for each key (name and unit); columns may differ in length, and what
+        is not finite is left empty.
         """
         _save(figure, self.folder / f"{name}.png")
         columns = [np.asarray(column).ravel() for column in data.values()]
@@ -108,7 +109,7 @@ class Report:
             writer = csv.writer(file)
             writer.writerow(data)
             for i in range(max(len(column) for column in columns)):
-                writer.writerow([f"{c[i]:.9g}" if i < len(c) else "" for c in columns])
+                writer.writerow([_cell(column, i) for column in columns])
 
     def progress(self, text: str) -> None:
         """Tells the person who waits how far it is."""
@@ -123,6 +124,10 @@ class Report:
         """Writes tables.json and studies.json."""
         _write(self.folder / "tables.json", self.tables)
         _write(self.folder / "studies.json", self.studies)
+
+
+def _cell(column: npt.NDArray[Any], row: int) -> str:
+    return f"{column[row]:.9g}" if row < len(column) and np.isfinite(column[row]) else ""
 
 
 def _save(figure: Figure, path: Path) -> None:

@@ -17,7 +17,16 @@ from axistwin.paper.report import Report
 from axistwin.paper.style import use_style
 
 #: Modules of this package with a function run(report), those that take longest first.
-STUDIES = ("excitations", "torque", "figures", "tables", "integrators", "estimators", "errata")
+STUDIES = (
+    "noise",
+    "excitations",
+    "torque",
+    "figures",
+    "tables",
+    "integrators",
+    "estimators",
+    "errata",
+)
 
 
 def run_study(name: str, folder: Path) -> Report:
