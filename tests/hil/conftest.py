@@ -93,15 +93,6 @@ class Outcome:
 Host = Callable[..., Outcome]
 
 
-def pytest_sessionstart(session: pytest.Session) -> None:
-    """Shows the interface that the tests run on."""
-    del session
-    shown = subprocess.run(
-        ["ip", "-details", "link", "show", VCAN], capture_output=True, text=True, check=False
-    )
-    print(shown.stdout or shown.stderr)
-
-
 @pytest.fixture(params=["vcan", "pty", "tcp"])
 def carrier(request: pytest.FixtureRequest, tmp_path: Path) -> Carrier:
     """Each carrier in turn."""

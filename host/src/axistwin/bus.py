@@ -43,8 +43,9 @@ HEARTBEAT_TIMEOUT = 0.5
 #: What an answer may take at least, a busy bus included.
 ANSWER_TIMEOUT = 1.0
 
-# Room in the kernel for what is received while this program is busy: some seconds of a full bus.
-_RECEIVE_BUFFER = 32 << 20
+# Room in the kernel for what is received while this program is busy: 20 s of a full bus. It is
+# taken only as it is needed.
+_RECEIVE_BUFFER = 64 << 20
 _SO_RCVBUFFORCE = 33  # Linux, not known to the socket module; wants the right to administer the net
 
 # So many frames are dealt with before the caller has its turn.
