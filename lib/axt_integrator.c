@@ -101,6 +101,45 @@ axt_status axt_exact_map_init(axt_exact_map *map, axt_real damping, axt_real sti
     return AXT_OK;
 }
 
+static axt_real acceleration_at(const axt_oscillator *o, axt_real position, axt_real speed,
+                                axt_real force) {
+    return force - o->damping * speed - o->stiffness * position;
+}
+
+static void runge_kutta(axt_oscillator *o, axt_real h, axt_real force_before, axt_real force) {
+    const axt_real half = AXT_R(0.5) * h;
+    const axt_real middle = AXT_R(0.5) * (force_before + force);
+    const axt_real v1 = o->speed;
+    const axt_real a1 = acceleration_at(o, o->position, v1, force_before);
+    const axt_real v2 = o->speed + half * a1;
+    const axt_real a2 = acceleration_at(o, o->position + half * v1, v2, middle);
+    const axt_real v3 = o->speed + half * a2;
+    const axt_real a3 = acceleration_at(o, o->position + half * v2, v3, middle);
+    const axt_real v4 = o->speed + h * a3;
+    const axt_real a4 = acceleration_at(o, o->position + h * v3, v4, force);
+    o->position += h / AXT_R(6) * (v1 + AXT_R(2) * (v2 + v3) + v4);
+    o->speed += h / AXT_R(6) * (a1 + AXT_R(2) * (a2 + a3) + a4);
+    o->acceleration = acceleration_at(o, o->position, o->speed, force);
+}
+
+/* A free step multiplies position and speed by a matrix, here built column by column. Its
+ * eigenvalues lie within the unit circle when |determinant| <= 1 and |trace| <= 1 + determinant
+ * (Jury). */
+static bool runge_kutta_is_stable(const axt_oscillator *o, axt_real h) {
+    axt_oscillator moved = *o;
+    axt_oscillator kicked = *o;
+    moved.position = AXT_R(1);
+    kicked.speed = AXT_R(1) / h;
+    runge_kutta(&moved, h, AXT_R(0), AXT_R(0));
+    runge_kutta(&kicked, h, AXT_R(0), AXT_R(0));
+    const axt_real rounding = AXT_R(16) * AXT_EPSILON;
+    const axt_real trace = moved.position + kicked.speed * h;
+    const axt_real determinant =
+        moved.position * (kicked.speed * h) - kicked.position * (moved.speed * h);
+    return axt_abs(determinant) <= AXT_R(1) + rounding &&
+           axt_abs(trace) <= AXT_R(1) + determinant + rounding;
+}
+
 axt_status axt_integrator_init(axt_integrator *integrator, axt_method method, const axt_axis *axis,
                                axt_real time_step) {
     axt_plant limits;
@@ -112,16 +151,21 @@ axt_status axt_integrator_init(axt_integrator *integrator, axt_method method, co
         AXT_METHOD_EXACT_HELD) { /* enums are unsigned on Arm, signed elsewhere */
         return AXT_ERROR_RANGE;
     }
+    const axt_real inertia = axis->I1 + axis->I2;
     const axt_real per_reduced = AXT_R(1) / axis->I1 + AXT_R(1) / axis->I2;
     axt_integrator fresh = {
         .method = method,
         .time_step = time_step,
-        .motor_share = axis->I2 / (axis->I1 + axis->I2),
+        .motor_share = axis->I2 / inertia,
+        .torque_max = AXT_PI * inertia / (time_step * time_step),
         .twist = {.damping = axis->B * per_reduced,
                   .stiffness = axis->K * per_reduced,
                   .per_inertia = AXT_R(1) / axis->I1},
-        .body = {.per_inertia = AXT_R(1) / (axis->I1 + axis->I2)},
+        .body = {.per_inertia = AXT_R(1) / inertia},
     };
+    if (method == AXT_METHOD_RUNGE_KUTTA && !runge_kutta_is_stable(&fresh.twist, time_step)) {
+        return AXT_ERROR_RANGE;
+    }
     status =
         axt_exact_map_init(&fresh.twist.map, fresh.twist.damping, fresh.twist.stiffness, time_step);
     if (status == AXT_OK) {
@@ -139,11 +183,27 @@ static void set_oscillator(axt_oscillator *o, axt_real position, axt_real speed,
     o->acceleration = o->per_inertia * torque - o->damping * speed - o->stiffness * position;
 }
 
+static axt_status check_torque(const axt_integrator *integrator, axt_real torque) {
+    if (axt_abs(torque) <= integrator->torque_max) {
+        return AXT_OK;
+    }
+    return axt_finite(torque) ? AXT_ERROR_RANGE : AXT_ERROR_NOT_FINITE;
+}
+
 axt_status axt_integrator_set(axt_integrator *integrator, const axt_motion *motion,
                               axt_real torque) {
+    const axt_status status = check_torque(integrator, torque);
+    if (status != AXT_OK) {
+        return status;
+    }
     if (!axt_finite(motion->twist) || !axt_finite(motion->twist_speed) ||
-        !axt_finite(motion->speed) || !axt_finite(motion->fraction) || !axt_finite(torque)) {
+        !axt_finite(motion->speed) || !axt_finite(motion->fraction)) {
         return AXT_ERROR_NOT_FINITE;
+    }
+    if (!(axt_abs(motion->twist) <= AXT_R(1e3)) || !(axt_abs(motion->twist_speed) <= AXT_R(1e9)) ||
+        !(axt_abs(motion->speed) * integrator->time_step < AXT_PI) ||
+        !(axt_abs(motion->fraction) <= AXT_R(1))) {
+        return AXT_ERROR_RANGE;
     }
     const axt_real share = integrator->motor_share;
     set_oscillator(&integrator->twist, motion->twist, motion->twist_speed, torque);
@@ -198,27 +258,6 @@ static void wilson(axt_oscillator *o, axt_real h, axt_real force_before, axt_rea
     o->acceleration += change;
 }
 
-static axt_real acceleration_at(const axt_oscillator *o, axt_real position, axt_real speed,
-                                axt_real force) {
-    return force - o->damping * speed - o->stiffness * position;
-}
-
-static void runge_kutta(axt_oscillator *o, axt_real h, axt_real force_before, axt_real force) {
-    const axt_real half = AXT_R(0.5) * h;
-    const axt_real middle = AXT_R(0.5) * (force_before + force);
-    const axt_real v1 = o->speed;
-    const axt_real a1 = acceleration_at(o, o->position, v1, force_before);
-    const axt_real v2 = o->speed + half * a1;
-    const axt_real a2 = acceleration_at(o, o->position + half * v1, v2, middle);
-    const axt_real v3 = o->speed + half * a2;
-    const axt_real a3 = acceleration_at(o, o->position + half * v2, v3, middle);
-    const axt_real v4 = o->speed + h * a3;
-    const axt_real a4 = acceleration_at(o, o->position + h * v3, v4, force);
-    o->position += h / AXT_R(6) * (v1 + AXT_R(2) * (v2 + v3) + v4);
-    o->speed += h / AXT_R(6) * (a1 + AXT_R(2) * (a2 + a3) + a4);
-    o->acceleration = acceleration_at(o, o->position, o->speed, force);
-}
-
 static void exact(axt_oscillator *o, axt_real force_before, axt_real force) {
     const axt_exact_map *map = &o->map;
     const axt_real change = force - force_before;
@@ -265,8 +304,9 @@ static void step_oscillator(const axt_integrator *integrator, axt_oscillator *o,
 }
 
 axt_status axt_integrator_step(axt_integrator *integrator, axt_real torque) {
-    if (!axt_finite(torque)) {
-        return AXT_ERROR_NOT_FINITE;
+    const axt_status status = check_torque(integrator, torque);
+    if (status != AXT_OK) {
+        return status;
     }
     step_oscillator(integrator, &integrator->twist, torque);
     step_oscillator(integrator, &integrator->body, torque);

@@ -56,24 +56,27 @@ typedef struct {
     axt_method method;
     axt_real time_step;
     axt_real motor_share;
+    axt_real torque_max; /* takes a resting axis to half a turn a step [N m] */
     axt_oscillator twist;
     axt_oscillator body;
     axt_real torque;
     uint32_t steps; /* taken since the start, saturating */
 } axt_integrator;
 
-/* The axis at rest at angle 0 under torque 0. Fails as axt_plant_init(), which sets the limits.
- * Cost: two 4 x 4 matrix exponentials. */
+/* The axis at rest at angle 0 under torque 0. Fails as axt_plant_init(), which sets the limits, and
+ * with AXT_ERROR_RANGE where Runge-Kutta is unstable; `integrator` is then unchanged. Cost: two 4 x
+ * 4 matrix exponentials. */
 axt_status axt_integrator_init(axt_integrator *integrator, axt_method method, const axt_axis *axis,
                                axt_real time_step);
 
-/* Starts from `motion` with `torque` [N m] acting; turns are not kept. AXT_ERROR_NOT_FINITE leaves
- * everything as it was. */
+/* Starts from `motion` with `torque` [N m] acting; turns are not kept. Fails as axt_plant_set(),
+ * and everything is then as it was. */
 axt_status axt_integrator_set(axt_integrator *integrator, const axt_motion *motion,
                               axt_real torque);
 
 /* One step; `torque` [N m] is the torque at its end. Cost: 20 to 70 operations.
- * AXT_ERROR_NOT_FINITE or AXT_ERROR_RANGE as axt_plant_step(): nothing moves. */
+ * AXT_ERROR_NOT_FINITE or AXT_ERROR_RANGE as axt_plant_step(): nothing moves. The speed of the
+ * rigid body does not saturate. */
 axt_status axt_integrator_step(axt_integrator *integrator, axt_real torque);
 
 /* The present motion; turns is 0 and the whole angle is in `fraction`. */
