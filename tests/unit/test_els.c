@@ -101,6 +101,8 @@ CASE(without_noise_it_is_exact) {
 /* y - theta' [phi, last residual] with theta after the update. */
 CASE(the_residual_is_what_the_update_leaves) {
     axt_els els = els_of(0.99, 1e6);
+    CHECK_NEAR(els.residual[0], 0, 0);
+    CHECK_NEAR(els.residual[1], 0, 0);
     plant p = plant_of();
     uint64_t seed = 2;
     for (int n = 0; n < 500; n++) {

@@ -192,8 +192,18 @@ CASE(instruments_that_point_away_from_the_regressors_are_refused) {
     expected.rejected = 1;
     CHECK_EQUAL(axt_iv_update(&iv, phi, against, y), AXT_ERROR_RANGE);
     CHECK(UNCHANGED(iv, expected));
-    const axt_real across[N] = {0, 1, 0};
-    CHECK_EQUAL(axt_iv_update(&iv, phi, across, y), AXT_OK);
+    const axt_real nearly[N] = {(axt_real)-0.995, 0, 0};
+    expected.rejected = 2;
+    CHECK_EQUAL(axt_iv_update(&iv, phi, nearly, y), AXT_ERROR_RANGE);
+    CHECK(UNCHANGED(iv, expected));
+    const axt_real enough[N] = {(axt_real)-0.985, 0, 0};
+    CHECK_EQUAL(axt_iv_update(&iv, phi, enough, y), AXT_OK);
+}
+
+CASE(samples_up_to_a_million_are_taken) {
+    axt_iv iv = iv_of(0.9, 1e15);
+    const axt_real large[N] = {(axt_real)1e6, (axt_real)-1e6, (axt_real)1e6};
+    CHECK_EQUAL(axt_iv_update(&iv, large, large, large), AXT_OK);
 }
 
 CASE(the_counters_stop_at_their_ends) {
@@ -233,6 +243,7 @@ int main(void) {
     RUN(it_follows_a_change_when_it_forgets);
     RUN(a_bad_sample_changes_nothing_but_the_counter);
     RUN(instruments_that_point_away_from_the_regressors_are_refused);
+    RUN(samples_up_to_a_million_are_taken);
     RUN(the_counters_stop_at_their_ends);
     RUN(settings_that_make_no_sense_are_refused_and_nothing_is_written);
     return REPORT();

@@ -132,10 +132,11 @@ CASE(a_refused_sample_changes_no_answer_and_the_next_is_a_first_one) {
 }
 
 CASE(settings_that_make_no_sense_are_refused_and_nothing_is_written) {
-    axt_torque torque = torque_of(&axt_axis_paper, (axt_real)1e-4);
+    axt_torque torque = torque_of(&axt_axis_paper, (axt_real)1e-7);
+    torque = torque_of(&axt_axis_paper, 1);
     const axt_torque before = torque;
     const axt_real steps[] = {
-        0, (axt_real)-1e-4, (axt_real)0.9e-7, (axt_real)1.1, not_finite[0], not_finite[1]};
+        0, (axt_real)-1e-4, (axt_real)0.9e-7, (axt_real)1.01, not_finite[0], not_finite[1]};
     for (size_t i = 0; i < COUNT_OF(steps); i++) {
         CHECK_EQUAL(axt_torque_init(&torque, &axt_axis_paper, steps[i]), AXT_ERROR_RANGE);
         CHECK(UNCHANGED(torque, before));
