@@ -17,7 +17,7 @@ ifndef V # make V=1 shows the commands
 endif
 .DELETE_ON_ERROR:
 .SECONDARY:
-.PHONY: help demo test check size docs install clean
+.PHONY: help demo test check size install clean
 
 ## help      this list
 help:
@@ -211,9 +211,8 @@ test: $(VENV)/.host-test
 size: $(BUILD)/packages-size $(BUILD)/packages-build
 	CORE_FLAGS="$(CORE_FLAGS)" $(PYTHON) tests/tools/size.py $(BUILD)/size.json
 
-## docs      the pages that are made from sources
-docs: $(VENV)/.build-tools
-	$(VENV)/bin/python drivers/contract/generate.py --page docs/wire.md
+docs/wire.md: drivers/contract/axistwin.dbc drivers/contract/generate.py | $(VENV)/.build-tools
+	$(VENV)/bin/python drivers/contract/generate.py --page $@
 
 INSTALLED      := $(DESTDIR)$(PREFIX)
 PUBLIC_HEADERS := $(shell grep --files-without-match 'Private to lib/' lib/*.h)

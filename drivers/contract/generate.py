@@ -24,7 +24,7 @@ PREFIX = "axt_contract"
 INTRODUCTION = """\
 # The wire
 
-This page is made of `drivers/contract/axistwin.dbc` by `make docs`; change the contract, not the
+This page is made of `drivers/contract/axistwin.dbc` by `make docs/wire.md`; change the contract, not the
 page. Any CAN tool that reads DBC files can decode the bus with that file: load it and set the node
 id, or use node id 0's identifiers plus the node id as below.
 
@@ -232,7 +232,7 @@ def main() -> int:
     if arguments.check is not None:
         found = arguments.check
         if not found.exists() or found.read_text(encoding="utf-8") != page(database):
-            print(f"{found} is not what {CONTRACT.name} says; run: make docs", file=sys.stderr)
+            print(f"{found} is not what {CONTRACT.name} says; run: make docs/wire.md", file=sys.stderr)
             return 1
     return 0
 
