@@ -24,9 +24,9 @@ PREFIX = "axt_contract"
 INTRODUCTION = """\
 # The wire
 
-This page is made of `drivers/contract/axistwin.dbc` by `make docs/wire.md`; change the contract, not the
-page. Any CAN tool that reads DBC files can decode the bus with that file: load it and set the node
-id, or use node id 0's identifiers plus the node id as below.
+This page is made of `drivers/contract/axistwin.dbc` by `make docs/wire.md`; change the contract,
+not the page. Any CAN tool that reads DBC files can decode the bus with that file: load it and set
+the node id, or use node id 0's identifiers plus the node id as below.
 
 Contract version {version}. Report page 0 says which version a node speaks; a host that finds
 another one must not go on.
@@ -232,7 +232,7 @@ def main() -> int:
     if arguments.check is not None:
         found = arguments.check
         if not found.exists() or found.read_text(encoding="utf-8") != page(database):
-            print(f"{found} is not what {CONTRACT.name} says; run: make docs/wire.md", file=sys.stderr)
+            print(f"{found} is not what {CONTRACT.name} says; run: make {found}", file=sys.stderr)
             return 1
     return 0
 
