@@ -577,7 +577,7 @@ CASE(runge_and_kutta_s_method_is_refused_where_it_is_unstable) {
     static const struct {
         double zeta;
         double limit;
-    } limits[] = {{0, 2.828427}, {100, 2.785293 / 200}};
+    } limits[] = {{0, 2.828427}, {2, 2.785293 / 3.732051}, {100, 2.785293 / 200}};
     for (size_t i = 0; i < COUNT_OF(limits); i++) {
         const double wn = natural_frequency(&axt_axis_paper);
         axt_axis axis = axt_axis_paper;
