@@ -19,11 +19,12 @@ static axt_status take(axt_status sampled, const axt_equation *equation, axt_rea
 
 axt_status axt_loop_equations_motion(axt_regressor *regressor, const axt_motion *motion,
                                      const axt_real *torque, size_t n, axt_real *phi, axt_real *y,
-                                     size_t *count) {
+                                     int64_t *sample, size_t *count) {
     axt_status status = AXT_OK;
     *count = 0;
     for (size_t i = 0; i < n && status == AXT_OK; i++) {
         axt_equation equation;
+        sample[*count] = (int64_t)i;
         status = axt_regressor_motion(regressor, &motion[i], torque[i], &equation);
         status = take(status, &equation, phi, y, count);
     }
@@ -32,11 +33,12 @@ axt_status axt_loop_equations_motion(axt_regressor *regressor, const axt_motion 
 
 axt_status axt_loop_equations_counts(axt_regressor *regressor, const int32_t *motor,
                                      const int32_t *table, const axt_real *torque, size_t n,
-                                     axt_real *phi, axt_real *y, size_t *count) {
+                                     axt_real *phi, axt_real *y, int64_t *sample, size_t *count) {
     axt_status status = AXT_OK;
     *count = 0;
     for (size_t i = 0; i < n && status == AXT_OK; i++) {
         axt_equation equation;
+        sample[*count] = (int64_t)i;
         status = axt_regressor_counts(regressor, motor[i], table[i], torque[i], &equation);
         status = take(status, &equation, phi, y, count);
     }

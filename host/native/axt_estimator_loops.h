@@ -9,13 +9,14 @@
 
 #include "axt.h"
 
-/* The equations of the short form (3x2) that n samples give, `count` of them: phi[][3], y[][2]. */
+/* The equations of the short form (3x2) that n samples give, `count` of them: phi[][3], y[][2], and
+ * sample[], at which each was complete. */
 axt_status axt_loop_equations_motion(axt_regressor *regressor, const axt_motion *motion,
                                      const axt_real *torque, size_t n, axt_real *phi, axt_real *y,
-                                     size_t *count);
+                                     int64_t *sample, size_t *count);
 axt_status axt_loop_equations_counts(axt_regressor *regressor, const int32_t *motor,
                                      const int32_t *table, const axt_real *torque, size_t n,
-                                     axt_real *phi, axt_real *y, size_t *count);
+                                     axt_real *phi, axt_real *y, int64_t *sample, size_t *count);
 
 /* Extended least squares over n equations. After every `every` of them and after the last,
  * theta[][2][3]. What is refused is counted in `rejected`. */

@@ -26,10 +26,12 @@ _INPUTS, _OUTPUTS = 3, 2
 
 @dataclass(frozen=True)
 class Equations:
-    """``phi`` (n, 3), scaled q, q', T, and ``y`` (n, 2), scaled q'', r''."""
+    """``phi`` (n, 3), scaled q, q', T, and ``y`` (n, 2), scaled q'', r''; ``sample`` (n,) is the
+    index of the sample that completed each."""
 
     phi: Array
     y: Array
+    sample: npt.NDArray[np.int64]
     precision: Precision
     regressor: Any = field(repr=False)
 
@@ -77,7 +79,8 @@ def from_counts(
 ) -> Equations:
     """Equations from encoder counts (n, 2) of motor and table and torque (n,) [N m].
 
-    They begin when the filter has settled. Raises as from_motion().
+    They begin when the filter has settled, and there is none while the twist rests. Raises as
+    from_motion().
     """
     c = core._load(precision)
     made = _Maker(c, settings, counts_per_turn, torque)
@@ -155,6 +158,7 @@ class _Maker:
         self._torque = core._reals(c, torque, "torque")
         n = len(self._torque)
         self._phi, self._y = np.zeros((n, _INPUTS), c.real), np.zeros((n, _OUTPUTS), c.real)
+        self._sample = np.zeros(n, np.int64)
         self._count = c.ffi.new("size_t *")
         self.regressor = c.ffi.new("axt_regressor *")
         config = native._config(c, self._settings)
@@ -174,6 +178,7 @@ class _Maker:
             len(self._torque),
             c.array("axt_real", self._phi.ravel()),
             c.array("axt_real", self._y.ravel()),
+            c.array("int64_t", self._sample),
             self._count,
         )
 
@@ -183,7 +188,7 @@ class _Maker:
         if n == 0:
             raise NotEnoughDataError("too few samples for an equation")
         phi, y = self._phi[:n].astype(np.float64), self._y[:n].astype(np.float64)
-        return Equations(phi, y, self._core.precision, self.regressor)
+        return Equations(phi, y, self._sample[:n], self._core.precision, self.regressor)
 
 
 class _Run:

@@ -149,17 +149,12 @@ def record(*, pause: bool) -> Record:
     )
 
 
-def _samples(given: Equations, estimates: int) -> npt.NDArray[np.int64]:
-    """The sample at which each estimate was made: the last equation ends with the last sample."""
-    n = len(given.phi)
-    return np.minimum(np.arange(1, estimates + 1) * EVERY, n) + (SAMPLES - n) - 1
-
-
 def _estimates(method: Method, record: Record, memory: int) -> tuple[npt.NDArray[np.int64], Array]:
     """Samples (k,) and stiffness found there (k,) [N m/rad], nan where there was no answer."""
     given = record.encoders if method.encoders else record.speeds
     axes = method.estimate(given, forgetting=1.0 - 1.0 / memory, every=EVERY)
-    return _samples(given, len(axes)), axes[:, 3]
+    ends = np.minimum(np.arange(1, len(axes) + 1) * EVERY, len(given.sample)) - 1
+    return given.sample[ends], axes[:, 3]
 
 
 def _error(method: Method, record: Record, memory: int) -> Array:
