@@ -391,7 +391,7 @@ def test_recursive_estimates_end_at_the_batch_estimate_and_the_band_holds_the_tr
             assert high - low < 0.1 * true
 
 
-# ---- docs/paper.md -------------------------------------------------------------------------------
+# ---- The pages of docs/ --------------------------------------------------------------------------
 
 # What may stand in the template beside placeholders: numbers that name something.
 NAMES = re.compile(
@@ -405,31 +405,37 @@ NAMES = re.compile(
 )
 
 
-def test_no_number_of_the_page_is_typed_by_hand() -> None:
-    template = (DOCS / docs.TEMPLATE).read_text(encoding="utf-8")
+@pytest.mark.parametrize("page", docs.PAGES)
+def test_no_number_of_a_page_is_typed_by_hand(page: str) -> None:
+    template = (DOCS / docs.template(page)).read_text(encoding="utf-8")
     typed = NAMES.sub("", re.sub(r"\{\{[^{}]*\}\}", "", template))
     assert [line for line in typed.splitlines() if re.search(r"\d", line)] == []
 
 
-def test_the_page_quotes_what_this_run_found() -> None:
-    template = (DOCS / docs.TEMPLATE).read_text(encoding="utf-8")
-    page = docs.render(template, paper_run.results())
-    assert (DOCS / docs.PAGE).read_text(encoding="utf-8") == page, "run `make paper`"
+@pytest.mark.parametrize("page", docs.PAGES)
+def test_a_page_quotes_what_this_run_found(page: str) -> None:
+    made = docs.render(DOCS / docs.template(page), paper_run.results())
+    assert (DOCS / page).read_text(encoding="utf-8") == made, "run `make paper`"
 
 
 def test_a_number_that_changes_changes_the_page(tmp_path: Path) -> None:
-    template = "{{Table 3; K; a, Error (%); printed}} {{Table 3; K; a, Error (%); .1f}}"
+    template = tmp_path / "page.md.in"
+    template.write_text(
+        "{{Table 3; K; a, Error (%); printed}} {{Table 3; K; a, Error (%)|b, Error (%); .1f}}",
+        encoding="utf-8",
+    )
     for name in ("tables.json", "studies.json"):
         text = (paper_run.results() / name).read_text(encoding="utf-8")
         (tmp_path / name).write_text(
             text.replace('"ours": 0.8557', '"ours": 7.8557'), encoding="utf-8"
         )
-    assert docs.render(template, paper_run.results()).endswith("0.85 0.9")
-    assert docs.render(template, tmp_path).endswith("0.85 7.9")
+    assert docs.render(template, paper_run.results()).endswith("0.85 0.9 | 6.4")
+    assert docs.render(template, tmp_path).endswith("0.85 7.9 | 6.4")
 
 
 def test_the_pages_figures_are_those_of_this_run() -> None:
-    shown = docs.pictures((DOCS / docs.PAGE).read_text(encoding="utf-8"))
+    pages = [(DOCS / page).read_text(encoding="utf-8") for page in docs.PAGES]
+    shown = docs.pictures("".join(pages))
     assert shown
     assert sorted(path.name for path in (DOCS / docs.FIGURES).glob("*.png")) == shown
     for name in shown:
@@ -447,6 +453,7 @@ def test_the_pages_figures_are_those_of_this_run() -> None:
         (-0.8567, "abs .2f", "0.86"),
         (-0.8567, ".2f", "−0.86"),
         (132.065, "+.0f", "+132"),
+        (1.0, "+.2g", "+1.0"),
         (-5e-6, "+.1f", "0.0"),
         (1.6e-4, ".2g", "0.00016"),
         (1.0, ".2g", "1.0"),
@@ -468,9 +475,13 @@ def test_numbers_are_written_as_people_write_them(number: float, style: str, tex
     "placeholder",
     ["{{Table 3; K; a, Error (%)}}", "{{Table 9; K; a; .1f}}", "{{Table 3; Q; a; .1f}}"],
 )
-def test_a_template_that_asks_for_what_is_not_there_is_refused(placeholder: str) -> None:
-    with pytest.raises(InputError, match=docs.TEMPLATE):
-        docs.render(placeholder, paper_run.results())
+def test_a_template_that_asks_for_what_is_not_there_is_refused(
+    placeholder: str, tmp_path: Path
+) -> None:
+    template = tmp_path / "page.md.in"
+    template.write_text(placeholder, encoding="utf-8")
+    with pytest.raises(InputError, match=re.escape("page.md.in: ")):
+        docs.render(template, paper_run.results())
 
 
 # ---- The runner ----------------------------------------------------------------------------------
@@ -479,19 +490,22 @@ def test_a_template_that_asks_for_what_is_not_there_is_refused(placeholder: str)
 def test_the_runner_runs_one_study_and_brings_the_docs_up_to_date(tmp_path: Path) -> None:
     (tmp_path / "docs").mkdir()
     template = "{{Errata; Newmark: natural frequency low by; a; .3f}} %\n"
-    (tmp_path / "docs" / docs.TEMPLATE).write_text(template, encoding="utf-8")
+    for page in docs.PAGES:
+        (tmp_path / "docs" / docs.template(page)).write_text(template, encoding="utf-8")
     arguments = ["--output", str(tmp_path / "out"), "--docs", str(tmp_path / "docs")]
     assert runner.main([*arguments, "--only", "errata"]) == 0
-    assert (tmp_path / "docs" / docs.PAGE).read_text(encoding="utf-8").endswith("0.125 %\n")
+    for page in docs.PAGES:
+        assert (tmp_path / "docs" / page).read_text(encoding="utf-8").endswith("0.125 %\n")
 
 
 def test_the_runner_says_in_a_line_what_is_wrong(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / docs.TEMPLATE).write_text("{{Table 9; a; b; c}}", encoding="utf-8")
+    template = docs.template(docs.PAGES[0])
+    (tmp_path / template).write_text("{{Table 9; a; b; c}}", encoding="utf-8")
     arguments = ["--output", str(tmp_path), "--docs", str(tmp_path), "--only", "errata"]
     assert runner.main(arguments) == 2
-    assert capsys.readouterr().err.splitlines()[-1].startswith("axistwin.paper: paper.md.in")
+    assert capsys.readouterr().err.splitlines()[-1].startswith(f"axistwin.paper: {template}")
 
 
 def test_the_modal_properties_are_those_of_the_paper() -> None:

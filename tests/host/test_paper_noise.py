@@ -86,6 +86,12 @@ def test_central_differences_are_no_measured_speeds() -> None:
         assert value(WORST, "2^20 counts, midpoint, RLS", name) > 100.0 * filtered
 
 
+def test_extended_least_squares_fails_on_coarse_encoders() -> None:
+    study = f"Noise, {A.title}"
+    for case in ("10^4 counts", "10^4 counts, no drift"):
+        assert value(study, f"{case}, midpoint, ELS", "records without an axis") > 50
+
+
 @pytest.mark.parametrize("setting", SETTINGS, ids=lambda s: s.key)
 def test_instruments_take_the_bias_away(setting: Setting) -> None:
     study = f"Noise, {setting.title}"

@@ -1,8 +1,9 @@
-"""docs/paper.md, filled in from the tables of a run, so that no number in it is typed by hand.
+"""Pages of docs/, filled in from the tables of a run, so that no number is typed by hand.
 
-Its template is docs/paper.md.in. There::
+The template of a page has its name with .in after it. There::
 
     {{study; row; column; format}}     a number of studies.json
+    {{study; row; this|that; format}}  numbers of several columns, as cells of a table
     {{table; row; column; printed}}    a number of the paper, as printed
     {{table; row; column; format}}     our number beside it
     <<LS>>, <<RLS>>                    the paper's Tables 3 and 4, 5 and 6 beside ours
@@ -27,15 +28,12 @@ from axistwin.paper.settings import SETTINGS
 
 Tables: TypeAlias = dict[str, list[dict[str, Any]]]
 
-PAGE = "paper.md"
-TEMPLATE = "paper.md.in"
+PAGES = ("estimators.md", "paper.md")
 FIGURES = "figures"
 
 _PLACEHOLDER = re.compile(r"\{\{([^{}]*)\}\}")
 _PICTURE = re.compile(rf"\({FIGURES}/([\w.-]+\.png)\)")
-_NOTE = (
-    "<!-- Made by `make paper` from paper.md.in and what the run finds: change that one. -->\n\n"
-)
+_NOTE = "<!-- Made by `make paper` from {} and what the run finds: change that one. -->\n\n"
 
 #: What is smaller is said to be below this: the rounding of a double, in per cent.
 _LEAST = 1e-13
@@ -55,12 +53,18 @@ _SYMBOLS = {
 
 
 def update(docs: Path, results: Path) -> None:
-    """Writes docs/paper.md and docs/figures/ anew from the results of a run."""
-    page = render((docs / TEMPLATE).read_text(encoding="utf-8"), results)
-    (docs / PAGE).write_text(page, encoding="utf-8")
+    """Writes the pages and docs/figures/ anew from the results of a run."""
     (docs / FIGURES).mkdir(exist_ok=True)
-    for picture in pictures(page):
-        shutil.copyfile(results / picture, docs / FIGURES / picture)
+    for name in PAGES:
+        page = render(docs / template(name), results)
+        (docs / name).write_text(page, encoding="utf-8")
+        for picture in pictures(page):
+            shutil.copyfile(results / picture, docs / FIGURES / picture)
+
+
+def template(page: str) -> str:
+    """Name of the template of a page."""
+    return f"{page}.in"
 
 
 def pictures(page: str) -> list[str]:
@@ -68,11 +72,19 @@ def pictures(page: str) -> list[str]:
     return sorted(set(_PICTURE.findall(page)))
 
 
-def render(template: str, results: Path) -> str:
+def render(template: Path, results: Path) -> str:
     """The page for a template, from tables.json and studies.json in ``results``.
 
     Raises InputError when the template asks for a number that is not there.
     """
+    try:
+        page = _fill(template.read_text(encoding="utf-8"), results)
+    except InputError as error:
+        raise InputError(f"{template.name}: {error}") from None
+    return _NOTE.format(template.name) + page
+
+
+def _fill(template: str, results: Path) -> str:
     tables, studies = (
         json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
         for name in ("tables", "studies")
@@ -82,18 +94,19 @@ def render(template: str, results: Path) -> str:
         page = page.replace("<<LS>>", "\n".join(_least_squares(tables)))
     if "<<RLS>>" in page:
         page = page.replace("<<RLS>>", "\n".join(_recursive(tables, studies)))
-    return _NOTE + page
+    return page
 
 
 def _number(text: str, tables: Tables, studies: Tables) -> str:
     parts = [part.strip() for part in text.split(";")]
     if len(parts) != 4:
-        raise InputError(f"{TEMPLATE}: {{{{{text}}}}} needs a table, a row, a column and a format")
-    name, row, column, style = parts
-    cell = _find({**tables, **studies}, name, row, _column(column))
+        raise InputError(f"{{{{{text}}}}} needs a table, a row, a column and a format")
+    name, row, columns, style = parts
+    cells = [_find({**tables, **studies}, name, row, _column(c)) for c in columns.split("|")]
     if style == "printed":
-        return _plain(cell["printed"])
-    return formatted(cell["ours"] if name in tables else cell["value"], style)
+        return " | ".join(_plain(cell["printed"]) for cell in cells)
+    key = "ours" if name in tables else "value"
+    return " | ".join(formatted(cell[key], style) for cell in cells)
 
 
 def _column(text: str) -> str:
@@ -107,7 +120,7 @@ def _find(tables: Tables, name: str, row: str, column: str) -> dict[str, Any]:
     for cell in tables.get(name, []):
         if cell["row"] == row and cell["column"] == column:
             return cell
-    raise InputError(f"{TEMPLATE}: there is no {row!r}, {column!r} in {name!r}")
+    raise InputError(f"there is no {row!r}, {column!r} in {name!r}")
 
 
 def formatted(value: float, style: str) -> str:
@@ -117,7 +130,8 @@ def formatted(value: float, style: str) -> str:
     if style.startswith("abs"):
         value, style = abs(value), style.removeprefix("abs").strip()
     if style.endswith("g"):
-        style = f"#{style}"  # 1.0 and not 1
+        sign = "+" if style.startswith("+") else ""
+        style = f"{sign}#{style.removeprefix(sign)}"  # 1.0 and not 1
     text = format(value, style).replace(".e", "e").removesuffix(".")
     nothing = not re.search("[1-9]", text.lower().partition("e")[0])
     return _plain(text.lstrip("+-") if nothing else text)
