@@ -252,6 +252,6 @@ bench: $(BUILD)/packages-build $(BUILD)/packages-bench $(VENV)/.bench
 # ---- Paper: the source paper reproduced, corrected and carried on ---------------------------------
 
 .PHONY: paper
-## paper     every table and figure of the source paper beside ours (build/paper), and docs/paper.md
+## paper     every table and figure of the source paper beside ours (build/paper), and docs/*.md that quote them
 paper: $(VENV)/.host
 	$(VENV)/bin/python -m axistwin.paper --output $(BUILD)/paper --docs docs
