@@ -40,7 +40,7 @@ typedef enum { AXT_IDENT_3X2 = 0, AXT_IDENT_5X4 = 1 } axt_ident_form;
 typedef struct {
     axt_ident_form form;
     axt_real time_step;  /* between samples [s] */
-    axt_real forgetting; /* lambda of the estimator, 0.9 .. 1; 1 - 1/n remembers about n samples */
+    axt_real forgetting; /* lambda of the estimator, 0.9 .. 1; 1: nothing is forgotten */
     axt_axis expected; /* the axis as far as it is known: within a factor of 10 is enough. Sets the
                           scaling (powers of two) and the filter, never the answer */
     axt_real torque;   /* size of the torque to come [N m], within a factor of 10 */

@@ -20,6 +20,8 @@
  *
  * In steady excitation r settles at l / (1 - l), where exponential forgetting with the same lambda
  * has it. What no sample renews is not forgotten. And an element of D never grows beyond its start.
+ * The price: a parameter that drifts is followed less well than exponential forgetting follows it
+ * (docs/estimators.md has the figures).
  */
 #ifndef AXT_RLS_H
 #define AXT_RLS_H
