@@ -27,3 +27,19 @@ const char *axt_can_status_string(axt_can_status status) {
     }
     return "unknown status";
 }
+
+const char *axt_can_state_string(axt_can_state state) {
+    switch (state) {
+    case AXT_CAN_STATE_ACTIVE:
+        return "error active";
+    case AXT_CAN_STATE_WARNING:
+        return "error warning";
+    case AXT_CAN_STATE_PASSIVE:
+        return "error passive";
+    case AXT_CAN_STATE_BUS_OFF:
+        return "bus off";
+    case AXT_CAN_STATE_DOWN:
+        return "down";
+    }
+    return "unknown state";
+}

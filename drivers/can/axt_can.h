@@ -37,9 +37,33 @@ typedef enum {
 /* One English line for a status, saying what to do where that is known; static memory. */
 const char *axt_can_status_string(axt_can_status status);
 
-/* A bus. A carrier has this as its first member and sets the functions when it is opened. */
+/* What the controller says of itself (ISO 11898-1: error active, error passive, bus off). */
+typedef enum {
+    AXT_CAN_STATE_ACTIVE = 0,
+    AXT_CAN_STATE_WARNING, /* an error counter has reached 96 */
+    AXT_CAN_STATE_PASSIVE, /* an error counter has reached 128 */
+    AXT_CAN_STATE_BUS_OFF, /* left the bus; comes back by itself */
+    AXT_CAN_STATE_DOWN     /* the interface is down or gone; taken up again when it is back */
+} axt_can_state;
+
+/* One English word or two for a state; static memory. */
+const char *axt_can_state_string(axt_can_state state);
+
+/* How a bus is. Counters count from opening on, modulo 2^32. */
+typedef struct {
+    axt_can_state state;
+    uint32_t error_frames; /* reports of the controller about errors on the bus */
+    uint32_t bus_off;      /* times the controller has left the bus */
+    uint32_t outages;      /* times the interface has gone down or away */
+    uint32_t overflows;    /* received frames that found no room */
+} axt_can_health;
+
+/* A bus. A carrier has this as its first member and sets the functions when it is opened. Carriers
+ * that have nothing to say about their health leave it at zero. */
 typedef struct axt_can axt_can;
 struct axt_can {
+    axt_can_health health; /* written by send() and receive() */
+
     /* AXT_CAN_OK: the frame is on its way. AXT_CAN_WOULD_BLOCK: it is not, offer it again.
      * AXT_CAN_CLOSED: it was dropped. Any other: it was dropped and the bus has failed. */
     axt_can_status (*send)(axt_can *can, const axt_can_frame *frame);

@@ -28,6 +28,7 @@ static axt_can_status pace_send(axt_can *can, const axt_can_frame *frame) {
         return AXT_CAN_WOULD_BLOCK;
     }
     const axt_can_status status = pace->bus->send(pace->bus, frame);
+    pace->can.health = pace->bus->health;
     if (status == AXT_CAN_OK) {
         spend(pace, cost);
     }
@@ -37,6 +38,7 @@ static axt_can_status pace_send(axt_can *can, const axt_can_frame *frame) {
 static axt_can_status pace_receive(axt_can *can, axt_can_frame *frame) {
     axt_can_pace *pace = (axt_can_pace *)can;
     const axt_can_status status = pace->bus->receive(pace->bus, frame);
+    pace->can.health = pace->bus->health;
     if (status == AXT_CAN_OK) {
         spend(pace, axt_can_frame_bits(frame) * NANO);
     }

@@ -2,15 +2,31 @@
 
 #include <errno.h>
 #include <linux/can.h>
+#include <linux/can/error.h>
 #include <linux/can/raw.h>
-#include <net/if.h>
+#include <stdbool.h>
 #include <string.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "axt_can_netlink.h"
+#include "axt_clock.h"
+
 _Static_assert(AXT_CAN_EXTENDED == CAN_EFF_FLAG && AXT_CAN_REMOTE == CAN_RTR_FLAG,
                "identifiers carry the kernel's own flags");
+
+#define MILLISECOND UINT64_C(1000000) /* [ns] */
+
+static const uint64_t retry_interval = 100 * MILLISECOND;
+static const uint64_t back_off_first = 100 * MILLISECOND;
+static const uint64_t back_off_longest = 10000 * MILLISECOND;
+
+enum {
+    CLOSED = -1,
+    RECEIVE_BUFFER = 4 << 20, /* the kernel counts some 0.8 KiB a frame */
+    ERRORS_PER_CALL = 64      /* error frames read while looking for a frame */
+};
 
 static axt_can_status status_of_errno(void) {
     switch (errno) {
@@ -34,42 +50,12 @@ static axt_can_status status_of_errno(void) {
     }
 }
 
-static axt_can_status socketcan_send(axt_can *can, const axt_can_frame *frame) {
-    const axt_socketcan *port = (const axt_socketcan *)can;
-    if (frame->length > AXT_CAN_DATA_MAX) {
-        return AXT_CAN_ERROR_FRAME;
-    }
-    struct can_frame raw = {.can_id = frame->id, .can_dlc = frame->length};
-    memcpy(raw.data, frame->data, frame->length);
-    return (write(port->socket, &raw, sizeof raw) == (ssize_t)sizeof raw) ? AXT_CAN_OK
-                                                                          : status_of_errno();
-}
-
-static axt_can_status socketcan_receive(axt_can *can, axt_can_frame *frame) {
-    const axt_socketcan *port = (const axt_socketcan *)can;
-    struct can_frame raw;
-    const ssize_t got = read(port->socket, &raw, sizeof raw);
-    if (got < 0) {
-        return status_of_errno();
-    }
-    if (got != (ssize_t)sizeof raw || raw.can_dlc > AXT_CAN_DATA_MAX) {
-        return AXT_CAN_ERROR_FRAME;
-    }
-    *frame = (axt_can_frame){.id = raw.can_id, .length = raw.can_dlc};
-    memcpy(frame->data, raw.data, raw.can_dlc);
-    return AXT_CAN_OK;
-}
-
-static void socketcan_close(axt_can *can) {
-    (void)close(((const axt_socketcan *)can)->socket);
-}
+/* ---- Opening ----------------------------------------------------------------------------------
+ */
 
 /* The number of the interface, which is there, up, and a CAN interface as far as a name tells. */
 static axt_can_status find_interface(int descriptor, const char *interface, int *number) {
     struct ifreq request = {0};
-    if (strlen(interface) >= sizeof request.ifr_name) {
-        return AXT_CAN_ERROR_NO_INTERFACE;
-    }
     memcpy(request.ifr_name, interface, strlen(interface));
     if (ioctl(descriptor, SIOCGIFINDEX, &request) != 0) {
         return status_of_errno();
@@ -81,35 +67,222 @@ static axt_can_status find_interface(int descriptor, const char *interface, int 
     return ((request.ifr_flags & IFF_UP) != 0) ? AXT_CAN_OK : AXT_CAN_ERROR_DOWN;
 }
 
+/* Beyond the limit for all only who administers the net may go. */
+static void enlarge_receive_buffer(int descriptor) {
+    const int size = RECEIVE_BUFFER;
+    if (setsockopt(descriptor, SOL_SOCKET, SO_RCVBUFFORCE, &size, sizeof size) != 0) {
+        (void)setsockopt(descriptor, SOL_SOCKET, SO_RCVBUF, &size, sizeof size);
+    }
+}
+
 static axt_can_status set_up(int descriptor, const char *interface, uint32_t id) {
     int number = 0;
     const axt_can_status status = find_interface(descriptor, interface, &number);
     if (status != AXT_CAN_OK) {
         return status;
     }
+    enlarge_receive_buffer(descriptor);
+    const int on = 1;
+    const can_err_mask_t all_errors = CAN_ERR_MASK;
     const struct can_filter filter = {.can_id = id,
                                       .can_mask = CAN_SFF_MASK | CAN_EFF_FLAG | CAN_RTR_FLAG};
     const struct sockaddr_can address = {.can_family = AF_CAN, .can_ifindex = number};
-    if (setsockopt(descriptor, SOL_CAN_RAW, CAN_RAW_FILTER, &filter, sizeof filter) != 0 ||
+    if (setsockopt(descriptor, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on) != 0 ||
+        setsockopt(descriptor, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &all_errors, sizeof all_errors) !=
+            0 ||
+        setsockopt(descriptor, SOL_CAN_RAW, CAN_RAW_FILTER, &filter, sizeof filter) != 0 ||
         bind(descriptor, (const struct sockaddr *)&address, sizeof address) != 0) {
         return status_of_errno();
     }
     return AXT_CAN_OK;
 }
 
-axt_can_status axt_socketcan_open(axt_socketcan *port, const char *interface, uint32_t id) {
+static axt_can_status connect_to_bus(axt_socketcan *port) {
     const int descriptor = socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
     if (descriptor < 0) {
         return status_of_errno();
     }
-    const axt_can_status status = set_up(descriptor, interface, id);
+    const axt_can_status status = set_up(descriptor, port->interface, port->id);
     if (status != AXT_CAN_OK) {
         (void)close(descriptor);
         return status;
     }
+    port->socket = descriptor;
+    port->dropped = 0;
+    port->can.health.state = AXT_CAN_STATE_ACTIVE;
+    return AXT_CAN_OK;
+}
+
+/* ---- Leaving the bus and coming back ----------------------------------------------------------
+ */
+
+static void interface_lost(axt_socketcan *port) {
+    (void)close(port->socket);
+    port->socket = CLOSED;
+    port->can.health.state = AXT_CAN_STATE_DOWN;
+    port->can.health.outages++;
+    port->retry = axt_clock_now() + retry_interval;
+}
+
+static void bus_off(axt_socketcan *port) {
+    axt_can_health *health = &port->can.health;
+    if (health->state == AXT_CAN_STATE_BUS_OFF) {
+        return;
+    }
+    const uint64_t now = axt_clock_now();
+    if (now - port->restarted > back_off_longest) {
+        port->back_off = back_off_first;
+    }
+    health->state = AXT_CAN_STATE_BUS_OFF;
+    health->bus_off++;
+    port->retry = now + port->back_off;
+    port->back_off *= 2;
+    if (port->back_off > back_off_longest) {
+        port->back_off = back_off_longest;
+    }
+}
+
+static void back_on_bus(axt_socketcan *port) {
+    port->can.health.state = AXT_CAN_STATE_ACTIVE;
+    port->restarted = axt_clock_now();
+}
+
+/* Does what the state asks for, once its time has come. */
+static void recover(axt_socketcan *port) {
+    const axt_can_state state = port->can.health.state;
+    if (state < AXT_CAN_STATE_BUS_OFF || axt_clock_now() < port->retry) {
+        return;
+    }
+    if (state == AXT_CAN_STATE_DOWN) {
+        port->retry += retry_interval;
+        (void)connect_to_bus(port); /* else: next time */
+    } else {
+        (void)axt_can_netlink_restart(port->interface); /* refused: the kernel does it by itself */
+        back_on_bus(port);
+    }
+}
+
+static void controller_state(axt_socketcan *port, uint8_t what) {
+    axt_can_health *health = &port->can.health;
+    if ((what & CAN_ERR_CRTL_RX_OVERFLOW) != 0) {
+        health->overflows++;
+    }
+    if ((what & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) != 0) {
+        health->state = AXT_CAN_STATE_PASSIVE;
+    } else if ((what & (CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING)) != 0) {
+        health->state = AXT_CAN_STATE_WARNING;
+    } else if ((what & CAN_ERR_CRTL_ACTIVE) != 0) {
+        health->state = AXT_CAN_STATE_ACTIVE;
+    }
+}
+
+static void take_error(axt_socketcan *port, const struct can_frame *error) {
+    port->can.health.error_frames++;
+    if ((error->can_id & CAN_ERR_BUSOFF) != 0) {
+        bus_off(port);
+    } else if ((error->can_id & CAN_ERR_RESTARTED) != 0) {
+        back_on_bus(port);
+    } else if ((error->can_id & CAN_ERR_CRTL) != 0 &&
+               port->can.health.state != AXT_CAN_STATE_BUS_OFF) {
+        controller_state(port, error->data[1]);
+    }
+}
+
+/* ---- Sending and receiving --------------------------------------------------------------------
+ */
+
+/* AXT_CAN_WOULD_BLOCK instead of what ends the connection, which is taken up again later. */
+static axt_can_status survive(axt_socketcan *port, axt_can_status status) {
+    if (status >= AXT_CAN_ERROR_FRAME) {
+        return status;
+    }
+    interface_lost(port);
+    return AXT_CAN_WOULD_BLOCK;
+}
+
+static axt_can_status socketcan_send(axt_can *can, const axt_can_frame *frame) {
+    axt_socketcan *port = (axt_socketcan *)can;
+    if (frame->length > AXT_CAN_DATA_MAX) {
+        return AXT_CAN_ERROR_FRAME;
+    }
+    if (can->health.state >= AXT_CAN_STATE_BUS_OFF) {
+        return AXT_CAN_WOULD_BLOCK;
+    }
+    struct can_frame raw = {.can_id = frame->id, .can_dlc = frame->length};
+    memcpy(raw.data, frame->data, frame->length);
+    if (write(port->socket, &raw, sizeof raw) == (ssize_t)sizeof raw) {
+        return AXT_CAN_OK;
+    }
+    const bool not_for_this_interface = errno == EINVAL;
+    return survive(port, not_for_this_interface ? AXT_CAN_ERROR_FRAME : status_of_errno());
+}
+
+/* The kernel's count of frames that found this socket's buffer full comes with the next one. */
+static void count_dropped(axt_socketcan *port, struct msghdr *message) {
+    for (struct cmsghdr *control = CMSG_FIRSTHDR(message); control != NULL;
+         control = CMSG_NXTHDR(message, control)) {
+        if (control->cmsg_level == SOL_SOCKET && control->cmsg_type == SO_RXQ_OVFL) {
+            uint32_t dropped;
+            memcpy(&dropped, CMSG_DATA(control), sizeof dropped);
+            port->can.health.overflows += dropped - port->dropped;
+            port->dropped = dropped;
+        }
+    }
+}
+
+static axt_can_status read_socket(axt_socketcan *port, struct can_frame *raw) {
+    _Alignas(struct cmsghdr) char control[CMSG_SPACE(sizeof(uint32_t))];
+    struct iovec data = {.iov_base = raw, .iov_len = sizeof *raw};
+    struct msghdr message = {.msg_iov = &data,
+                             .msg_iovlen = 1,
+                             .msg_control = control,
+                             .msg_controllen = sizeof control};
+    const ssize_t got = recvmsg(port->socket, &message, 0);
+    if (got < 0) {
+        return survive(port, status_of_errno());
+    }
+    count_dropped(port, &message);
+    const bool whole = got == (ssize_t)sizeof *raw && raw->can_dlc <= AXT_CAN_DATA_MAX;
+    return whole ? AXT_CAN_OK : AXT_CAN_ERROR_FRAME;
+}
+
+static axt_can_status socketcan_receive(axt_can *can, axt_can_frame *frame) {
+    axt_socketcan *port = (axt_socketcan *)can;
+    recover(port);
+    for (int i = 0; i < ERRORS_PER_CALL && port->socket != CLOSED; i++) {
+        struct can_frame raw;
+        const axt_can_status status = read_socket(port, &raw);
+        if (status != AXT_CAN_OK) {
+            return status;
+        }
+        if ((raw.can_id & CAN_ERR_FLAG) != 0) {
+            take_error(port, &raw);
+            continue;
+        }
+        *frame = (axt_can_frame){.id = raw.can_id, .length = raw.can_dlc};
+        memcpy(frame->data, raw.data, raw.can_dlc);
+        return AXT_CAN_OK;
+    }
+    return AXT_CAN_WOULD_BLOCK;
+}
+
+static void socketcan_close(axt_can *can) {
+    const axt_socketcan *port = (const axt_socketcan *)can;
+    if (port->socket != CLOSED) {
+        (void)close(port->socket);
+    }
+}
+
+axt_can_status axt_socketcan_open(axt_socketcan *port, const char *interface, uint32_t id) {
+    if (strlen(interface) >= sizeof port->interface) {
+        return AXT_CAN_ERROR_NO_INTERFACE;
+    }
     *port = (axt_socketcan){
         .can = {.send = socketcan_send, .receive = socketcan_receive, .close = socketcan_close},
-        .socket = descriptor,
+        .id = id,
+        .socket = CLOSED,
+        .back_off = back_off_first,
     };
-    return AXT_CAN_OK;
+    memcpy(port->interface, interface, strlen(interface) + 1);
+    return connect_to_bus(port);
 }

@@ -2,6 +2,8 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stddef.h>
+#include <stdio.h>
 #include <time.h>
 
 #include "axt_clock.h"
@@ -29,24 +31,49 @@ static void sleep_until(uint64_t moment) {
     (void)clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &then, NULL); /* a signal may end it */
 }
 
-/* The background, after telling the bus how much time has passed since the last call. */
-static axt_can_status talk(const axt_emulator_loop *loop, uint64_t *last) {
-    const uint64_t now = axt_clock_now();
-    if (loop->bus->paced) {
-        axt_can_pace_elapse(&loop->bus->pace, now - *last);
-    }
-    *last = now;
-    return axt_node_background(loop->node);
+/* What one call of the background leaves to the next. */
+typedef struct {
+    uint64_t time; /* of the call [ns] */
+    const char *complaint;
+} conversation;
+
+static conversation begin_conversation(void) {
+    return (conversation){.time = axt_clock_now()};
 }
 
-axt_can_status axt_emulator_run_in_real_time(const axt_emulator_loop *loop) {
+/* What is wrong with the bus; NULL when it works. */
+static const char *complaint(const axt_can *can, axt_can_status status) {
+    if (status != AXT_CAN_OK && status != AXT_CAN_WOULD_BLOCK && status != AXT_CAN_CLOSED) {
+        return axt_can_status_string(status);
+    }
+    const bool working = can->health.state < AXT_CAN_STATE_BUS_OFF;
+    return working ? NULL : axt_can_state_string(can->health.state);
+}
+
+/* The background, after telling the bus how much time has passed since the last call. Says when the
+ * bus fails and when it is back; the control loop goes on either way. */
+static void talk(const axt_emulator_loop *loop, conversation *last) {
+    axt_emulator_bus *bus = loop->bus;
+    const uint64_t now = axt_clock_now();
+    if (bus->paced) {
+        axt_can_pace_elapse(&bus->pace, now - last->time);
+    }
+    last->time = now;
+    const char *wrong = complaint(bus->can, axt_node_background(loop->node));
+    if (wrong != last->complaint) {
+        (void)fprintf(stderr, "axistwin-emulator: bus %s: %s\n", bus->name,
+                      (wrong != NULL) ? wrong : "works again");
+        last->complaint = wrong;
+    }
+}
+
+void axt_emulator_run_in_real_time(const axt_emulator_loop *loop) {
     const uint64_t total = total_periods(loop);
     const uint64_t batch = (uint64_t)ceil(loop->wake / loop->period) + 1;
     const uint64_t start = axt_clock_now();
-    uint64_t talked = start;
+    conversation last = begin_conversation();
     uint64_t done = 0;
-    axt_can_status status = AXT_CAN_OK;
-    while (status == AXT_CAN_OK && done < total && *loop->stop == 0) {
+    while (done < total && *loop->stop == 0) {
         const double elapsed = (double)(axt_clock_now() - start) * 1e-9;
         const double wakes = floor(elapsed / loop->wake);
         const uint64_t due = smaller(begun_by(loop, elapsed), total);
@@ -60,29 +87,26 @@ axt_can_status axt_emulator_run_in_real_time(const axt_emulator_loop *loop) {
             axt_node_tick(loop->node);
             done++;
         }
-        status = talk(loop, &talked);
+        talk(loop, &last);
         if (done == due) {
             sleep_until(start + (uint64_t)((wakes + 1) * loop->wake * 1e9));
         }
     }
-    return status;
 }
 
-axt_can_status axt_emulator_run_simulated(const axt_emulator_loop *loop) {
+void axt_emulator_run_simulated(const axt_emulator_loop *loop) {
     const uint64_t total = total_periods(loop);
-    uint64_t talked = axt_clock_now();
+    conversation last = begin_conversation();
     uint64_t done = 0;
-    axt_can_status status = AXT_CAN_OK;
-    while (status == AXT_CAN_OK && done < total && *loop->stop == 0) {
+    while (done < total && *loop->stop == 0) {
         const uint64_t until = smaller(done + SIMULATED_BATCH, total);
         while (done < until && axt_node_has_room(loop->node)) {
             axt_node_tick(loop->node);
             done++;
         }
-        status = talk(loop, &talked);
+        talk(loop, &last);
         if (!axt_node_has_room(loop->node)) {
             sleep_until(axt_clock_now() + NO_ROOM_NANOSECONDS);
         }
     }
-    return status;
 }

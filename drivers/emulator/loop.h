@@ -19,11 +19,11 @@ typedef struct {
 
 /* Runs control period n at start + n x period, rounded up to the next wake-up: what is due is run,
  * late or not, so that axis time and real time never part. A period that begins later than the
- * wake-up after its own is an overrun. AXT_CAN_OK at the end or when stopped, else how the bus
- * failed. */
-axt_can_status axt_emulator_run_in_real_time(const axt_emulator_loop *loop);
+ * wake-up after its own is an overrun. A bus that fails is said on standard error and does not stop
+ * the axis. */
+void axt_emulator_run_in_real_time(const axt_emulator_loop *loop);
 
 /* Runs control periods without waiting for anything but room for the streamed samples. */
-axt_can_status axt_emulator_run_simulated(const axt_emulator_loop *loop);
+void axt_emulator_run_simulated(const axt_emulator_loop *loop);
 
 #endif

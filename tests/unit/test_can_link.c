@@ -261,6 +261,34 @@ CASE(every_status_has_a_line_of_its_own) {
     CHECK(strcmp(axt_can_status_string((axt_can_status)-100), "unknown status") == 0);
 }
 
+CASE(every_state_has_a_name_of_its_own) {
+    for (int a = 0; a <= AXT_CAN_STATE_DOWN; a++) {
+        CHECK(strcmp(axt_can_state_string((axt_can_state)a), "unknown state") != 0);
+        for (int b = 0; b < a; b++) {
+            CHECK(strcmp(axt_can_state_string((axt_can_state)a),
+                         axt_can_state_string((axt_can_state)b)) != 0);
+        }
+    }
+    CHECK(strcmp(axt_can_state_string((axt_can_state)100), "unknown state") == 0);
+}
+
+CASE(a_paced_bus_is_as_well_as_the_bus_behind_it) {
+    axt_slcan_link link;
+    axt_can_pace pace;
+    wire w;
+    axt_can_frame frame = {.id = 0x181};
+    connect(&link, &w, 4096);
+    axt_can_pace_init(&pace, &link.can, 1000000);
+    link.can.health = (axt_can_health){.state = AXT_CAN_STATE_PASSIVE, .error_frames = 3};
+    (void)pace.can.receive(&pace.can, &frame);
+    CHECK_EQUAL(pace.can.health.state, AXT_CAN_STATE_PASSIVE);
+    CHECK_EQUAL(pace.can.health.error_frames, 3);
+    link.can.health.bus_off = 1;
+    axt_can_pace_elapse(&pace, 1000000);
+    (void)pace.can.send(&pace.can, &frame);
+    CHECK_EQUAL(pace.can.health.bus_off, 1);
+}
+
 int main(void) {
     RUN(lines_may_be_split_anywhere);
     RUN(frames_find_nobody_until_the_channel_is_open);
@@ -271,5 +299,7 @@ int main(void) {
     RUN(a_paced_bus_carries_what_its_bit_rate_allows);
     RUN(a_closed_bus_takes_no_time);
     RUN(every_status_has_a_line_of_its_own);
+    RUN(every_state_has_a_name_of_its_own);
+    RUN(a_paced_bus_is_as_well_as_the_bus_behind_it);
     return REPORT();
 }
