@@ -9,7 +9,8 @@
  *                     back to 100 ms.
  *     down or gone    the interface is looked for by its name every 100 ms
  *
- * Restarting and opening wait for the kernel's lock of network settings.
+ * Restarting and opening wait for the kernel's lock of network settings. Linux 5.7 or later, or an
+ * older one with the right to use raw sockets (CAP_NET_RAW).
  */
 #ifndef AXT_SOCKETCAN_H
 #define AXT_SOCKETCAN_H
