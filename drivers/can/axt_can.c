@@ -9,7 +9,7 @@ const char *axt_can_status_string(axt_can_status status) {
     case AXT_CAN_CLOSED:
         return "nobody has opened the channel";
     case AXT_CAN_ERROR_FRAME:
-        return "not a classical CAN frame";
+        return "not a frame that this bus can carry";
     case AXT_CAN_ERROR_IO:
         return "input or output failed";
     case AXT_CAN_ERROR_NO_SUPPORT:

@@ -1,4 +1,4 @@
-/* axt_can.h - a classical CAN bus behind one small interface.
+/* axt_can.h - a CAN bus, classical or FD, behind one small interface.
  *
  * Whatever carries the frames (SocketCAN, SLCAN on a pseudo-terminal, TCP or UART, a controller's
  * mailboxes), a user sees three functions, none of which ever waits.
@@ -6,16 +6,21 @@
 #ifndef AXT_CAN_H
 #define AXT_CAN_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #define AXT_CAN_EXTENDED UINT32_C(0x80000000) /* in an id: 29 bits instead of 11 */
 #define AXT_CAN_REMOTE   UINT32_C(0x40000000) /* in an id: a request, without data */
 
-enum { AXT_CAN_DATA_MAX = 8 };
+enum {
+    AXT_CAN_CLASSICAL_MAX = 8, /* data bytes of a classical frame */
+    AXT_CAN_DATA_MAX = 64      /* of an FD frame */
+};
 
 typedef struct {
-    uint32_t id; /* 11 bits, or 29 bits and AXT_CAN_EXTENDED; AXT_CAN_REMOTE */
-    uint8_t length;
+    uint32_t id;    /* 11 bits, or 29 bits and AXT_CAN_EXTENDED; AXT_CAN_REMOTE */
+    uint8_t length; /* 0 .. 8; FD: also 12, 16, 20, 24, 32, 48, 64 */
+    bool fd;        /* an FD frame, its data phase at the bus's higher bit rate */
     uint8_t data[AXT_CAN_DATA_MAX];
 } axt_can_frame;
 
@@ -24,7 +29,7 @@ typedef enum {
     AXT_CAN_OK = 0,
     AXT_CAN_WOULD_BLOCK = -1,        /* nothing received yet, or no room to send: try again later */
     AXT_CAN_CLOSED = -2,             /* nobody is at the other end: a frame to send is dropped */
-    AXT_CAN_ERROR_FRAME = -3,        /* not a classical frame */
+    AXT_CAN_ERROR_FRAME = -3,        /* not a frame that this bus can carry */
     AXT_CAN_ERROR_IO = -4,           /* the carrier failed */
     AXT_CAN_ERROR_NO_SUPPORT = -5,   /* the kernel has no CAN */
     AXT_CAN_ERROR_NO_INTERFACE = -6, /* no CAN interface of that name */
@@ -62,6 +67,7 @@ typedef struct {
  * that have nothing to say about their health leave it at zero. */
 typedef struct axt_can axt_can;
 struct axt_can {
+    bool fd;               /* this bus carries FD frames, too; known once it is open */
     axt_can_health health; /* written by send() and receive() */
 
     /* AXT_CAN_OK: the frame is on its way. AXT_CAN_WOULD_BLOCK: it is not, offer it again.

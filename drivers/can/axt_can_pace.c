@@ -52,7 +52,7 @@ static void pace_close(axt_can *can) {
 
 void axt_can_pace_init(axt_can_pace *pace, axt_can *bus, uint32_t bit_rate) {
     *pace = (axt_can_pace){
-        .can = {.send = pace_send, .receive = pace_receive, .close = pace_close},
+        .can = {.fd = bus->fd, .send = pace_send, .receive = pace_receive, .close = pace_close},
         .bus = bus,
         .bit_rate = bit_rate,
     };

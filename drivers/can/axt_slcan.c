@@ -64,7 +64,7 @@ static bool read_frame(const char *line, uint32_t length, axt_can_frame *frame) 
         return false;
     }
     const uint32_t data_digits = remote ? 0 : 2 * size;
-    if (found.id > (extended ? EXTENDED_MAX : STANDARD_MAX) || size > AXT_CAN_DATA_MAX ||
+    if (found.id > (extended ? EXTENDED_MAX : STANDARD_MAX) || size > AXT_CAN_CLASSICAL_MAX ||
         length != 2 + digits + data_digits) {
         return false;
     }
@@ -277,7 +277,7 @@ uint32_t axt_slcan_output(const axt_slcan *slcan, const axt_can_frame *frame, ui
                           char line[AXT_SLCAN_LINE_MAX]) {
     const bool extended = (frame->id & AXT_CAN_EXTENDED) != 0;
     const bool remote = (frame->id & AXT_CAN_REMOTE) != 0;
-    if (slcan->channel == AXT_SLCAN_CLOSED || frame->length > AXT_CAN_DATA_MAX ||
+    if (slcan->channel == AXT_SLCAN_CLOSED || frame->fd || frame->length > AXT_CAN_CLASSICAL_MAX ||
         !accepts(slcan, frame)) {
         return 0;
     }

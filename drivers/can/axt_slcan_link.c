@@ -39,7 +39,7 @@ static axt_can_status link_send(axt_can *can, const axt_can_frame *frame) {
     if (link->slcan.channel == AXT_SLCAN_CLOSED) {
         return AXT_CAN_CLOSED;
     }
-    if (frame->length > AXT_CAN_DATA_MAX) {
+    if (frame->fd || frame->length > AXT_CAN_CLASSICAL_MAX) {
         return AXT_CAN_ERROR_FRAME;
     }
     if (room(link) < AXT_SLCAN_LINE_MAX) {

@@ -204,7 +204,7 @@ static axt_can_status survive(axt_socketcan *port, axt_can_status status) {
 
 static axt_can_status socketcan_send(axt_can *can, const axt_can_frame *frame) {
     axt_socketcan *port = (axt_socketcan *)can;
-    if (frame->length > AXT_CAN_DATA_MAX) {
+    if (frame->fd || frame->length > AXT_CAN_CLASSICAL_MAX) {
         return AXT_CAN_ERROR_FRAME;
     }
     if (can->health.state >= AXT_CAN_STATE_BUS_OFF) {
@@ -244,7 +244,7 @@ static axt_can_status read_socket(axt_socketcan *port, struct can_frame *raw) {
         return survive(port, status_of_errno());
     }
     count_dropped(port, &message);
-    const bool whole = got == (ssize_t)sizeof *raw && raw->can_dlc <= AXT_CAN_DATA_MAX;
+    const bool whole = got == (ssize_t)sizeof *raw && raw->can_dlc <= AXT_CAN_CLASSICAL_MAX;
     return whole ? AXT_CAN_OK : AXT_CAN_ERROR_FRAME;
 }
 

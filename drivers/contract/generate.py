@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import cantools
@@ -31,13 +31,50 @@ the node id, or use node id 0's identifiers plus the node id as below.
 Contract version {version}. Report page 0 says which version a node speaks; a host that finds
 another one must not go on.
 
-* Classical CAN, 11-bit identifiers: the base below plus the node id, {lowest} to {highest}. The
-  bases are CANopen's, so a node can share a bus with CANopen devices.
+* 11-bit identifiers: the base below plus the node id, {lowest} to {highest}; a host counts as node
+  {host}. The bases are CANopen's, so a node can share a bus with CANopen devices.
+* Classical CAN, but for the frame that is marked FD: it is sent only where the bus offers CAN FD
+  and a host asks for it, with the faster bit rate in its data phase.
 * Little-endian. Bit 0 is the least significant bit of byte 0.
 * Positions are counts, torque is per mille of the rated torque (report page 3): CiA 402's units.
 * On SLCAN carriers the same frames travel as LAWICEL lines: `t` + identifier + length + data, in
   hexadecimal, ended by a carriage return.
 """
+
+DRIVE = """\
+
+A control word that is not in the table for the present state leaves it as it is and is refused; one
+that asks for the state the drive is in, and `DisableVoltage` in any state, is fine.
+
+* Torque acts in operation enabled and nowhere else. Whatever ends that state sets the set-point to
+  0 and ends the excitation: a quick stop, too, is a torque of 0 at the next sample, not a ramp.
+* Operation is enabled only while the heartbeat of a host is heard. When it fails, torque is 0 and
+  the drive in fault as soon as the time in report page `HostHeartbeat` has passed.
+* The torque limit cuts torque off (bit 11 of the status word). Above the speed limit, and on
+  leaving the travel range, the drive goes into fault; it can be enabled outside the range, but only
+  torque back inside is then applied.
+"""
+
+#: CiA 402's transitions: number, state, what leads on, next state.
+TRANSITIONS = (
+    ("0, 1", "not ready to switch on", "by itself, at the first sample", "switch on disabled"),
+    ("2", "switch on disabled", "`Shutdown`", "ready to switch on"),
+    ("3", "ready to switch on", "`SwitchOn`", "switched on"),
+    ("3, 4", "ready to switch on", "`EnableOperation`", "operation enabled"),
+    ("4", "switched on", "`EnableOperation`", "operation enabled"),
+    ("5", "operation enabled", "`SwitchOn`", "switched on"),
+    ("6", "switched on", "`Shutdown`", "ready to switch on"),
+    ("7", "ready to switch on", "`DisableVoltage`, `QuickStop`", "switch on disabled"),
+    ("8", "operation enabled", "`Shutdown`", "ready to switch on"),
+    ("9", "operation enabled", "`DisableVoltage`", "switch on disabled"),
+    ("10", "switched on", "`DisableVoltage`, `QuickStop`", "switch on disabled"),
+    ("11", "operation enabled", "`QuickStop`", "quick stop active"),
+    ("12", "quick stop active", "`DisableVoltage`", "switch on disabled"),
+    ("13", "operation enabled", "a limit, or no heartbeat of the host", "fault reaction active"),
+    ("14", "fault reaction active", "by itself, at the next sample", "fault"),
+    ("15", "fault", "`FaultReset`: bit 7 from 0 to 1", "switch on disabled"),
+    ("16", "quick stop active", "`EnableOperation`", "operation enabled"),
+)
 
 
 def c_name(name: str) -> str:
@@ -50,16 +87,30 @@ def c_name(name: str) -> str:
     return spelled
 
 
-def contract_version(database: Database) -> int:
-    """The contract's version number, an attribute of the DBC file."""
+def attribute(database: Database, name: str) -> int:
+    """A number that belongs to the contract as a whole, such as its version."""
     if database.dbc is None:
         raise SystemExit(f"generate.py: {CONTRACT} has no attributes")
-    return int(database.dbc.attributes["ContractVersion"].value)
+    return int(database.dbc.attributes[name].value)
+
+
+def value_tables(database: Database) -> dict[str, dict[int, str]]:
+    """Names of values that are no single signal's, by the name of their table."""
+    tables = database.dbc.value_tables if database.dbc is not None else {}
+    return {
+        name: {int(value): str(text) for value, text in sorted(values.items())}
+        for name, values in tables.items()
+    }
 
 
 def constants(database: Database) -> Iterator[str]:
-    """What cantools leaves out: the contract's version, and the scale of each scaled signal."""
-    yield f"#define {PREFIX.upper()}_VERSION ({contract_version(database)}u)"
+    """What cantools leaves out: version, host id, value tables, the scale of scaled signals."""
+    yield f"#define {PREFIX.upper()}_VERSION ({attribute(database, 'ContractVersion')}u)"
+    yield f"#define {PREFIX.upper()}_HOST_ID ({attribute(database, 'HostId')}u)"
+    for name, values in value_tables(database).items():
+        for value, text in values.items():
+            macro = f"{PREFIX}_".upper() + f"{c_name(name)}_{c_name(text)}"
+            yield f"#define {macro} ({value}u)"
     for message in database.messages:
         for signal in message.signals:
             if signal.scale != 1:
@@ -110,7 +161,16 @@ def bits(signal: Signal) -> str:
     return f"bit {first}" if first == last else f"bits {first}-{last}"
 
 
-def table(head: list[str], rows: list[list[str]]) -> Iterator[str]:
+def meaning(signal: Signal) -> str:
+    """What a signal is, with the names of its values; a selector's have a table of their own."""
+    if not signal.choices or signal.is_multiplexer:
+        return signal.comment or ""
+    form = "0x{:04X} {}" if signal.length == 16 else "{} {}"
+    named = ", ".join(form.format(*choice) for choice in signal.choices.items())
+    return f"{signal.comment or ''}: {named}"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
     """A Markdown table."""
     yield "| " + " | ".join(head) + " |"
     yield "|" + "---|" * len(head)
@@ -122,13 +182,13 @@ def identifiers(database: Database) -> Iterator[str]:
     """All frames at a glance."""
     rows = []
     for message in sorted(database.messages, key=lambda m: m.frame_id):
-        sender = "node" if message.senders == ["Node"] else "host"
+        sender = " and ".join(name.lower() for name in message.senders)
         cycle = f", every {message.cycle_time} ms" if message.cycle_time else ""
         rows.append(
             [
                 f"[{message.name}](#{message.name.lower()})",
                 f"0x{message.frame_id:03X} + node id",
-                str(message.length),
+                f"{message.length}{' (FD)' if message.is_fd else ''}",
                 sender + cycle,
                 message.comment or "",
             ]
@@ -148,15 +208,9 @@ def frame(message: Message) -> Iterator[str]:
     yield f"## {message.name}\n"
     yield f"{message.comment}\n"
     plain = [s for s in message.signals if not s.multiplexer_ids]
-    rows = [
-        [s.name, bits(s), value_type(s), f"{s.scale:g}", unit(s), s.comment or ""] for s in plain
-    ]
+    rows = [[s.name, bits(s), value_type(s), f"{s.scale:g}", unit(s), meaning(s)] for s in plain]
     yield from table(["signal", "place", "type", "LSB", "unit", "meaning"], rows)
     yield ""
-    for signal in plain:
-        if signal.choices and not signal.is_multiplexer:
-            names = ", ".join(f"{value} {name}" for value, name in signal.choices.items())
-            yield f"{signal.name}: {names}.\n"
     chosen = selector(message)
     if chosen is None:
         return
@@ -164,11 +218,24 @@ def frame(message: Message) -> Iterator[str]:
     for signal in message.signals:
         for value in signal.multiplexer_ids or []:
             shown = [str(value), signal.name, bits(signal), value_type(signal)]
-            rows.append([*shown, f"{signal.scale:g}", unit(signal), signal.comment or ""])
+            rows.append([*shown, f"{signal.scale:g}", unit(signal), meaning(signal)])
     rows.sort(key=lambda row: int(row[0]))
     head = [chosen.name, "signal", "place", "type", "LSB", "unit", "meaning"]
     yield from table(head, rows)
     yield ""
+
+
+def names(database: Database) -> Iterator[str]:
+    """The value tables: what numbers mean that appear in more than one place."""
+    yield "## Names of values\n"
+    where = {
+        "Result": "how a command or a control word ended",
+        "DriveState": "`StatusWord & 0x6F`",
+        "TraceState": "Flags of report page TraceCaptured",
+    }
+    for name, values in value_tables(database).items():
+        listed = ", ".join(f"{value} {text}" for value, text in values.items())
+        yield f"{name} ({where[name]}): {listed}.\n"
 
 
 def example(database: Database) -> Iterator[str]:
@@ -205,10 +272,16 @@ def example(database: Database) -> Iterator[str]:
 
 def page(database: Database) -> str:
     """The whole reference page."""
-    lines = [INTRODUCTION.format(version=contract_version(database), lowest=1, highest=126)]
+    host = attribute(database, "HostId")
+    version = attribute(database, "ContractVersion")
+    lines = [INTRODUCTION.format(version=version, lowest=1, highest=host - 1, host=host)]
     lines.extend(identifiers(database))
+    lines.append("## The drive's state\n")
+    lines.extend(table(["transition", "state", "what leads on", "next state"], TRANSITIONS))
+    lines.append(DRIVE)
     for message in database.messages:
         lines.extend(frame(message))
+    lines.extend(names(database))
     lines.extend(example(database))
     return "\n".join(lines) + "\n"
 

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-enum { ARGUMENT = 4 }; /* first byte of a command's argument and of a report's value */
+enum { ARGUMENT = 4, ARGUMENT_SIZE = 4 }; /* bytes of a command's argument and a report's value */
 
 static void address(const axt_node *node, uint32_t base, uint8_t length, axt_can_frame *frame) {
     *frame = (axt_can_frame){.id = base + node->config.id, .length = length};
@@ -187,5 +187,5 @@ void axt_node_frame_answer(const axt_node *node, const axt_can_frame *command,
     address(node, AXT_CONTRACT_REPORT_FRAME_ID, AXT_CONTRACT_REPORT_LENGTH, frame);
     (void)axt_contract_report_pack(frame->data, &report, sizeof frame->data);
     /* the argument goes back as it came, whatever its type */
-    memcpy(frame->data + ARGUMENT, command->data + ARGUMENT, sizeof frame->data - ARGUMENT);
+    memcpy(frame->data + ARGUMENT, command->data + ARGUMENT, ARGUMENT_SIZE);
 }

@@ -87,10 +87,10 @@ def test_the_wrong_contract_version_is_said(
     start_emulator(carrier)
     contract = (REPOSITORY / "drivers" / "contract" / "axistwin.dbc").read_text()
     other = tmp_path / "other.dbc"
-    other.write_text(contract.replace('BA_ "ContractVersion" 1;', 'BA_ "ContractVersion" 2;'))
+    other.write_text(contract.replace('BA_ "ContractVersion" 2;', 'BA_ "ContractVersion" 3;'))
     log = tmp_path / "x.log"
     outcome = host("log", *carrier.host, "--dbc", str(other), "-f", str(log))
-    outcome.expect(3, "node 1 speaks contract version 1", "other.dbc is version 2", "--dbc")
+    outcome.expect(3, "node 1 speaks contract version 2", "other.dbc is version 3", "--dbc")
     assert not log.exists()
 
 

@@ -455,7 +455,7 @@ CASE(identify_tells_what_the_node_is) {
     rig_forget_sent(r);
     CHECK_EQUAL(rig_tell(r, IDENTIFY, 0), 0);
     rig_run(r, 10);
-    CHECK_EQUAL(rig_report(r, 0).contract, 1);
+    CHECK_EQUAL(rig_report(r, 0).contract, AXT_CONTRACT_VERSION);
     CHECK_EQUAL(rig_report(r, 1).firmware, AXT_NODE_FIRMWARE);
     CHECK(rig_report(r, 2).control_period == (float)rig_period);
     CHECK_EQUAL(rig_report(r, 3).rated_torque, rig_rated);

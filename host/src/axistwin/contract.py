@@ -31,10 +31,13 @@ _VERSION = "ContractVersion"
 _MESSAGES = {
     "Motor": None,
     "Table": None,
+    "Samples": None,
     "Report": "Page",
     "Trace": "Channel",
+    "Emergency": None,
     "Heartbeat": None,
     "Command": "Code",
+    "Control": None,
 }
 
 
@@ -77,12 +80,18 @@ class Contract:
         raise InputError(f"{self.source}: Heartbeat has no state {name}")
 
     def raw(self, message: str, name: str, payloads: Payloads) -> npt.NDArray[Any]:
-        """A signal of payloads (n, 8) as it is on the wire: (n,) int64, or float32 as it says."""
+        """A signal of payloads (n, length) as it is on the wire: (n,) int64 or float32.
+
+        Signals of up to 57 bits, wherever they lie in frames of any length.
+        """
         signal = self.signal(message, name)
         if signal.byte_order != "little_endian":
             raise InputError(f"{self.source}: {message} {name} is not little-endian")
-        words: npt.NDArray[np.uint64] = np.ascontiguousarray(payloads).view("<u8")[:, 0]
-        bits = (words >> np.uint64(signal.start)) & np.uint64(2**signal.length - 1)
+        first, end = signal.start // 8, (signal.start + signal.length + 7) // 8
+        window = np.zeros((len(payloads), 8), np.uint8)
+        window[:, : end - first] = payloads[:, first:end]
+        words: npt.NDArray[np.uint64] = window.view("<u8")[:, 0]
+        bits = (words >> np.uint64(signal.start % 8)) & np.uint64(2**signal.length - 1)
         if signal.is_float:
             real: npt.NDArray[np.float32] = bits.astype(np.uint32).view(np.float32)
             return real
@@ -97,7 +106,7 @@ class Contract:
 
     def value(self, message: str, name: str, payload: bytes) -> float:
         """A signal of one payload, scaled."""
-        row = np.frombuffer(payload.ljust(PAYLOAD, b"\0"), np.uint8)[None, :PAYLOAD]
+        row = np.frombuffer(payload.ljust(self.length(message), b"\0"), np.uint8)[None, :]
         return float(self.raw(message, name, row)[0]) * self.scale(message, name)
 
     def reader(self, message: str, name: str) -> Callable[[bytes], int]:
