@@ -24,6 +24,13 @@ typedef struct {
     uint8_t data[AXT_CAN_DATA_MAX];
 } axt_can_frame;
 
+/* Which frames to let through: those whose `id`, flags included, has these bits where `mask` is 1.
+ */
+typedef struct {
+    uint32_t id;
+    uint32_t mask;
+} axt_can_filter;
+
 /* Zero is fine, negative is not. */
 typedef enum {
     AXT_CAN_OK = 0,

@@ -77,22 +77,25 @@ static void enlarge_receive_buffer(int descriptor) {
     }
 }
 
-static axt_can_status set_up(int descriptor, const char *interface, uint32_t id) {
+static axt_can_status set_up(const axt_socketcan *port, int descriptor) {
     int number = 0;
-    const axt_can_status status = find_interface(descriptor, interface, &number);
+    const axt_can_status status = find_interface(descriptor, port->interface, &number);
     if (status != AXT_CAN_OK) {
         return status;
     }
     enlarge_receive_buffer(descriptor);
     const int on = 1;
     const can_err_mask_t all_errors = CAN_ERR_MASK;
-    const struct can_filter filter = {.can_id = id,
-                                      .can_mask = CAN_SFF_MASK | CAN_EFF_FLAG | CAN_RTR_FLAG};
+    struct can_filter filters[AXT_SOCKETCAN_FILTERS_MAX];
+    for (uint32_t i = 0; i < port->filter_count; i++) {
+        filters[i] = (struct can_filter){port->filters[i].id, port->filters[i].mask};
+    }
+    const socklen_t filters_size = (socklen_t)(port->filter_count * sizeof filters[0]);
     const struct sockaddr_can address = {.can_family = AF_CAN, .can_ifindex = number};
     if (setsockopt(descriptor, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on) != 0 ||
         setsockopt(descriptor, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &all_errors, sizeof all_errors) !=
             0 ||
-        setsockopt(descriptor, SOL_CAN_RAW, CAN_RAW_FILTER, &filter, sizeof filter) != 0 ||
+        setsockopt(descriptor, SOL_CAN_RAW, CAN_RAW_FILTER, filters, filters_size) != 0 ||
         bind(descriptor, (const struct sockaddr *)&address, sizeof address) != 0) {
         return status_of_errno();
     }
@@ -104,7 +107,7 @@ static axt_can_status connect_to_bus(axt_socketcan *port) {
     if (descriptor < 0) {
         return status_of_errno();
     }
-    const axt_can_status status = set_up(descriptor, port->interface, port->id);
+    const axt_can_status status = set_up(port, descriptor);
     if (status != AXT_CAN_OK) {
         (void)close(descriptor);
         return status;
@@ -275,16 +278,18 @@ static void socketcan_close(axt_can *can) {
     }
 }
 
-axt_can_status axt_socketcan_open(axt_socketcan *port, const char *interface, uint32_t id) {
+axt_can_status axt_socketcan_open(axt_socketcan *port, const char *interface,
+                                  const axt_can_filter *filters, uint32_t filter_count) {
     if (strlen(interface) >= sizeof port->interface) {
         return AXT_CAN_ERROR_NO_INTERFACE;
     }
     *port = (axt_socketcan){
         .can = {.send = socketcan_send, .receive = socketcan_receive, .close = socketcan_close},
-        .id = id,
+        .filter_count = filter_count,
         .socket = CLOSED,
         .back_off = back_off_first,
     };
     memcpy(port->interface, interface, strlen(interface) + 1);
+    memcpy(port->filters, filters, filter_count * sizeof filters[0]);
     return connect_to_bus(port);
 }

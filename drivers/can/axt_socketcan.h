@@ -19,10 +19,13 @@
 
 #include "axt_can.h"
 
+enum { AXT_SOCKETCAN_FILTERS_MAX = 4 };
+
 typedef struct {
     axt_can can;
     char interface[IF_NAMESIZE];
-    uint32_t id;
+    axt_can_filter filters[AXT_SOCKETCAN_FILTERS_MAX];
+    uint32_t filter_count;
     int socket;         /* -1 while the interface is down or gone */
     uint32_t dropped;   /* frames that this socket had no room for, as the kernel counts them */
     uint64_t retry;     /* when to restart or open again [ns], in the states that ask for it */
@@ -30,11 +33,12 @@ typedef struct {
     uint64_t restarted; /* after the last one [ns] */
 } axt_socketcan;
 
-/* Opens `interface` (such as vcan0) for sending anything and receiving the data frames with the 11
- * bit identifier `id` only, so that the kernel keeps all others away from this process. The kernel
- * is asked for room for 4 MiB of received frames; without the right to administer the net it gives
- * what net.core.rmem_max allows.
- * AXT_CAN_ERROR_NO_SUPPORT, _NO_INTERFACE, _DOWN, _PERMISSION or _IO; nothing is left open then. */
-axt_can_status axt_socketcan_open(axt_socketcan *port, const char *interface, uint32_t id);
+/* Opens `interface` (such as vcan0) for sending anything and receiving what one of 1 ..
+ * AXT_SOCKETCAN_FILTERS_MAX filters lets through, so that the kernel keeps all else away from this
+ * process. The kernel is asked for room for 4 MiB of received frames; without the right to
+ * administer the net it gives what net.core.rmem_max allows. AXT_CAN_ERROR_NO_SUPPORT,
+ * _NO_INTERFACE, _DOWN, _PERMISSION or _IO; nothing is left open then. */
+axt_can_status axt_socketcan_open(axt_socketcan *port, const char *interface,
+                                  const axt_can_filter *filters, uint32_t filter_count);
 
 #endif

@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "axt_node.h"
+
 /* Splits [HOST:]PORT; an IPv6 address stands in brackets. `host` is empty when there is none. */
 static bool split_address(const char *text, char *host, size_t size, uint16_t *port) {
     const char *colon = strrchr(text, ':');
@@ -50,9 +52,12 @@ static axt_can_status open_tcp(axt_emulator_bus *opened, const char *address) {
     return status;
 }
 
-static axt_can_status open_socketcan(axt_emulator_bus *opened, const char *interface, uint32_t id) {
+static axt_can_status open_socketcan(axt_emulator_bus *opened, const char *interface,
+                                     uint8_t node) {
     axt_socketcan *port = &opened->carrier.socketcan;
-    const axt_can_status status = axt_socketcan_open(port, interface, id);
+    axt_can_filter filters[AXT_NODE_FILTERS];
+    axt_node_filters(node, filters);
+    const axt_can_status status = axt_socketcan_open(port, interface, filters, AXT_NODE_FILTERS);
     if (status == AXT_CAN_OK) {
         opened->can = &port->can;
         (void)snprintf(opened->name, sizeof opened->name, "socketcan %s", interface);
@@ -60,7 +65,7 @@ static axt_can_status open_socketcan(axt_emulator_bus *opened, const char *inter
     return status;
 }
 
-axt_can_status axt_emulator_bus_open(axt_emulator_bus *opened, const char *bus, uint32_t receive_id,
+axt_can_status axt_emulator_bus_open(axt_emulator_bus *opened, const char *bus, uint8_t node,
                                      uint32_t bit_rate) {
     axt_can_status status;
     if (strcmp(bus, "pty") == 0) {
@@ -70,7 +75,7 @@ axt_can_status axt_emulator_bus_open(axt_emulator_bus *opened, const char *bus, 
     } else if (strncmp(bus, "tcp:", 4) == 0) {
         status = open_tcp(opened, bus + 4);
     } else {
-        status = open_socketcan(opened, bus, receive_id);
+        status = open_socketcan(opened, bus, node);
     }
     opened->paced = status == AXT_CAN_OK && bit_rate > 0;
     if (opened->paced) {

@@ -20,10 +20,10 @@ typedef struct {
     char name[300]; /* for people: "pty /dev/pts/5" */
 } axt_emulator_bus;
 
-/* Opens `bus`: INTERFACE, pty, pty:LINK or tcp:[HOST:]PORT. `receive_id` is the one identifier that
- * is of interest, `bit_rate` the speed to emulate or 0. Fails as the carrier does. The struct must
+/* Opens `bus`: INTERFACE, pty, pty:LINK or tcp:[HOST:]PORT. `node` is the id of the node that will
+ * use it, `bit_rate` the speed to emulate or 0. Fails as the carrier does. The struct must
  * not move. */
-axt_can_status axt_emulator_bus_open(axt_emulator_bus *opened, const char *bus, uint32_t receive_id,
+axt_can_status axt_emulator_bus_open(axt_emulator_bus *opened, const char *bus, uint8_t node,
                                      uint32_t bit_rate);
 
 #endif

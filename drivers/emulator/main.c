@@ -11,7 +11,6 @@
 #include <sys/mman.h>
 #include <sys/prctl.h>
 
-#include "axt_contract.h"
 #include "axt_emulated_axis.h"
 #include "axt_node.h"
 #include "bus.h"
@@ -128,8 +127,8 @@ int main(int argc, char **argv) {
     if (options.realtime_priority > 0 && !become_realtime(options.realtime_priority)) {
         return EXIT_BUS;
     }
-    const axt_can_status opened = axt_emulator_bus_open(
-        &bus, options.bus, AXT_CONTRACT_COMMAND_FRAME_ID + options.node, options.bit_rate);
+    const axt_can_status opened =
+        axt_emulator_bus_open(&bus, options.bus, options.node, options.bit_rate);
     if (opened != AXT_CAN_OK) {
         (void)fprintf(stderr, "axistwin-emulator: bus %s: %s\n", options.bus,
                       axt_can_status_string(opened));

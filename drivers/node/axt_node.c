@@ -427,6 +427,14 @@ axt_can_status axt_node_background(axt_node *node) {
     return failed(sent) ? sent : received;
 }
 
+/* Command and Control differ in one bit; the host whose heartbeat counts can be any node. */
+void axt_node_filters(uint8_t id, axt_can_filter filters[AXT_NODE_FILTERS]) {
+    const uint32_t either = AXT_CONTRACT_COMMAND_FRAME_ID ^ AXT_CONTRACT_CONTROL_FRAME_ID;
+    const uint32_t all = UINT32_C(0x7FF) | AXT_CAN_EXTENDED | AXT_CAN_REMOTE;
+    filters[0] = (axt_can_filter){AXT_CONTRACT_COMMAND_FRAME_ID + id, all & ~either};
+    filters[1] = (axt_can_filter){AXT_CONTRACT_HEARTBEAT_FRAME_ID, all & ~UINT32_C(0x7F)};
+}
+
 /* ---- Start and end ----------------------------------------------------------------------------
  */
 

@@ -72,6 +72,11 @@ typedef struct {
     uint16_t counter; /* control periods / decimation, modulo 65536 */
 } axt_node_stream_sample;
 
+enum { AXT_NODE_FILTERS = 2 };
+
+/* What a carrier must let through for node `id`: all that the node listens to, and little else. */
+void axt_node_filters(uint8_t id, axt_can_filter filters[AXT_NODE_FILTERS]);
+
 /* What the node stands on. */
 typedef struct {
     axt_can *can;                                      /* called from the background only */
