@@ -31,6 +31,17 @@ typedef struct {
     uint32_t mask;
 } axt_can_filter;
 
+/* Can this frame be on a bus at all: identifier and length within their ranges, no remote FD frame?
+ * `fd`: the bus carries FD frames. */
+bool axt_can_frame_valid(const axt_can_frame *frame, bool fd);
+
+/* Bytes of data for a data length code of 0 to 15 (ISO 11898-1); a code of 9 or more is 8 bytes in
+ * a classical frame. */
+uint8_t axt_can_fd_length(uint8_t code);
+
+/* The smallest data length code that has room for `length` bytes, 64 at most. */
+uint8_t axt_can_fd_code(uint8_t length);
+
 /* Zero is fine, negative is not. */
 typedef enum {
     AXT_CAN_OK = 0,

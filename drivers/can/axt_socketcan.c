@@ -53,17 +53,28 @@ static axt_can_status status_of_errno(void) {
 /* ---- Opening ----------------------------------------------------------------------------------
  */
 
-/* The number of the interface, which is there and up. Asked for its number by SIOCGIFINDEX, the
+/* What sockets need to know of an interface. */
+typedef struct {
+    int number;
+    bool fd;
+} interface_properties;
+
+/* Finds the interface, which is there and up. Asked for its number by SIOCGIFINDEX, the
  * kernel would look for a module when there is no such interface, which takes a tenth of a second;
  * it does not when the socket is tied to the interface. */
-static axt_can_status find_interface(int descriptor, const char *interface, int *number) {
+static axt_can_status find_interface(int descriptor, const char *interface,
+                                     interface_properties *found) {
     struct ifreq request = {0};
     memcpy(request.ifr_name, interface, strlen(interface));
-    socklen_t size = sizeof *number;
+    socklen_t size = sizeof found->number;
     if (setsockopt(descriptor, SOL_SOCKET, SO_BINDTODEVICE, request.ifr_name,
                    (socklen_t)strlen(interface)) != 0 ||
-        getsockopt(descriptor, SOL_SOCKET, SO_BINDTOIFINDEX, number, &size) != 0 ||
-        ioctl(descriptor, SIOCGIFFLAGS, &request) != 0) {
+        getsockopt(descriptor, SOL_SOCKET, SO_BINDTOIFINDEX, &found->number, &size) != 0 ||
+        ioctl(descriptor, SIOCGIFMTU, &request) != 0) {
+        return status_of_errno();
+    }
+    found->fd = request.ifr_mtu == CANFD_MTU;
+    if (ioctl(descriptor, SIOCGIFFLAGS, &request) != 0) {
         return status_of_errno();
     }
     return ((request.ifr_flags & IFF_UP) != 0) ? AXT_CAN_OK : AXT_CAN_ERROR_DOWN;
@@ -77,28 +88,35 @@ static void enlarge_receive_buffer(int descriptor) {
     }
 }
 
-static axt_can_status set_up(const axt_socketcan *port, int descriptor) {
-    int number = 0;
-    const axt_can_status status = find_interface(descriptor, port->interface, &number);
+/* False with errno set when the kernel refuses. */
+static bool choose_frames(int descriptor, const axt_socketcan *port) {
+    struct can_filter filters[AXT_SOCKETCAN_FILTERS_MAX] = {0};
+    for (uint32_t i = 0; i < port->filter_count; i++) {
+        filters[i] = (struct can_filter){port->filters[i].id, port->filters[i].mask};
+    }
+    const int on = 1;
+    const can_err_mask_t all_errors = CAN_ERR_MASK;
+    const socklen_t size = (socklen_t)(port->filter_count * sizeof filters[0]);
+    return setsockopt(descriptor, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on) == 0 &&
+           setsockopt(descriptor, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &all_errors,
+                      sizeof all_errors) == 0 &&
+           setsockopt(descriptor, SOL_CAN_RAW, CAN_RAW_FILTER, filters, size) == 0 &&
+           setsockopt(descriptor, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on) == 0;
+}
+
+static axt_can_status set_up(axt_socketcan *port, int descriptor) {
+    interface_properties found = {0};
+    const axt_can_status status = find_interface(descriptor, port->interface, &found);
     if (status != AXT_CAN_OK) {
         return status;
     }
     enlarge_receive_buffer(descriptor);
-    const int on = 1;
-    const can_err_mask_t all_errors = CAN_ERR_MASK;
-    struct can_filter filters[AXT_SOCKETCAN_FILTERS_MAX];
-    for (uint32_t i = 0; i < port->filter_count; i++) {
-        filters[i] = (struct can_filter){port->filters[i].id, port->filters[i].mask};
-    }
-    const socklen_t filters_size = (socklen_t)(port->filter_count * sizeof filters[0]);
-    const struct sockaddr_can address = {.can_family = AF_CAN, .can_ifindex = number};
-    if (setsockopt(descriptor, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on) != 0 ||
-        setsockopt(descriptor, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &all_errors, sizeof all_errors) !=
-            0 ||
-        setsockopt(descriptor, SOL_CAN_RAW, CAN_RAW_FILTER, filters, filters_size) != 0 ||
+    const struct sockaddr_can address = {.can_family = AF_CAN, .can_ifindex = found.number};
+    if (!choose_frames(descriptor, port) ||
         bind(descriptor, (const struct sockaddr *)&address, sizeof address) != 0) {
         return status_of_errno();
     }
+    port->can.fd = found.fd;
     return AXT_CAN_OK;
 }
 
@@ -181,7 +199,7 @@ static void controller_state(axt_socketcan *port, uint8_t what) {
     }
 }
 
-static void take_error(axt_socketcan *port, const struct can_frame *error) {
+static void take_error(axt_socketcan *port, const struct canfd_frame *error) {
     port->can.health.error_frames++;
     if ((error->can_id & CAN_ERR_BUSOFF) != 0) {
         bus_off(port);
@@ -207,15 +225,17 @@ static axt_can_status survive(axt_socketcan *port, axt_can_status status) {
 
 static axt_can_status socketcan_send(axt_can *can, const axt_can_frame *frame) {
     axt_socketcan *port = (axt_socketcan *)can;
-    if (frame->fd || frame->length > AXT_CAN_CLASSICAL_MAX) {
+    if (!axt_can_frame_valid(frame, can->fd)) {
         return AXT_CAN_ERROR_FRAME;
     }
     if (can->health.state >= AXT_CAN_STATE_BUS_OFF) {
         return AXT_CAN_WOULD_BLOCK;
     }
-    struct can_frame raw = {.can_id = frame->id, .can_dlc = frame->length};
+    struct canfd_frame raw = {.can_id = frame->id, .len = frame->length};
+    raw.flags = frame->fd ? CANFD_BRS : 0;
     memcpy(raw.data, frame->data, frame->length);
-    if (write(port->socket, &raw, sizeof raw) == (ssize_t)sizeof raw) {
+    const size_t size = frame->fd ? CANFD_MTU : CAN_MTU; /* the shorter one begins like it */
+    if (write(port->socket, &raw, size) == (ssize_t)size) {
         return AXT_CAN_OK;
     }
     const bool not_for_this_interface = errno == EINVAL;
@@ -235,7 +255,8 @@ static void count_dropped(axt_socketcan *port, struct msghdr *message) {
     }
 }
 
-static axt_can_status read_socket(axt_socketcan *port, struct can_frame *raw) {
+/* `fd` says which kind of frame it is. */
+static axt_can_status read_socket(axt_socketcan *port, struct canfd_frame *raw, bool *fd) {
     _Alignas(struct cmsghdr) char control[CMSG_SPACE(sizeof(uint32_t))];
     struct iovec data = {.iov_base = raw, .iov_len = sizeof *raw};
     struct msghdr message = {.msg_iov = &data,
@@ -247,16 +268,18 @@ static axt_can_status read_socket(axt_socketcan *port, struct can_frame *raw) {
         return survive(port, status_of_errno());
     }
     count_dropped(port, &message);
-    const bool whole = got == (ssize_t)sizeof *raw && raw->can_dlc <= AXT_CAN_CLASSICAL_MAX;
-    return whole ? AXT_CAN_OK : AXT_CAN_ERROR_FRAME;
+    *fd = got == CANFD_MTU;
+    const size_t most = *fd ? CANFD_MAX_DLEN : CAN_MAX_DLEN;
+    return ((*fd || got == CAN_MTU) && raw->len <= most) ? AXT_CAN_OK : AXT_CAN_ERROR_FRAME;
 }
 
 static axt_can_status socketcan_receive(axt_can *can, axt_can_frame *frame) {
     axt_socketcan *port = (axt_socketcan *)can;
     recover(port);
     for (int i = 0; i < ERRORS_PER_CALL && port->socket != CLOSED; i++) {
-        struct can_frame raw;
-        const axt_can_status status = read_socket(port, &raw);
+        struct canfd_frame raw;
+        bool fd = false;
+        const axt_can_status status = read_socket(port, &raw, &fd);
         if (status != AXT_CAN_OK) {
             return status;
         }
@@ -264,8 +287,8 @@ static axt_can_status socketcan_receive(axt_can *can, axt_can_frame *frame) {
             take_error(port, &raw);
             continue;
         }
-        *frame = (axt_can_frame){.id = raw.can_id, .length = raw.can_dlc};
-        memcpy(frame->data, raw.data, raw.can_dlc);
+        *frame = (axt_can_frame){.id = raw.can_id, .length = raw.len, .fd = fd};
+        memcpy(frame->data, raw.data, raw.len);
         return AXT_CAN_OK;
     }
     return AXT_CAN_WOULD_BLOCK;
@@ -290,6 +313,6 @@ axt_can_status axt_socketcan_open(axt_socketcan *port, const char *interface,
         .back_off = back_off_first,
     };
     memcpy(port->interface, interface, strlen(interface) + 1);
-    memcpy(port->filters, filters, filter_count * sizeof filters[0]);
+    memcpy(port->filters, filters, filter_count * sizeof *filters);
     return connect_to_bus(port);
 }

@@ -35,9 +35,10 @@ typedef struct {
 
 /* Opens `interface` (such as vcan0) for sending anything and receiving what one of 1 ..
  * AXT_SOCKETCAN_FILTERS_MAX filters lets through, so that the kernel keeps all else away from this
- * process. The kernel is asked for room for 4 MiB of received frames; without the right to
- * administer the net it gives what net.core.rmem_max allows. AXT_CAN_ERROR_NO_SUPPORT,
- * _NO_INTERFACE, _DOWN, _PERMISSION or _IO; nothing is left open then. */
+ * process. `can.fd` says whether the interface carries FD frames. The kernel is asked for room for
+ * 4 MiB of received frames; without the right to administer the net it gives what net.core.rmem_max
+ * allows. AXT_CAN_ERROR_NO_SUPPORT, _NO_INTERFACE, _DOWN, _PERMISSION or _IO; nothing is left open
+ * then. */
 axt_can_status axt_socketcan_open(axt_socketcan *port, const char *interface,
                                   const axt_can_filter *filters, uint32_t filter_count);
 

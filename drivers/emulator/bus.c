@@ -66,7 +66,7 @@ static axt_can_status open_socketcan(axt_emulator_bus *opened, const char *inter
 }
 
 axt_can_status axt_emulator_bus_open(axt_emulator_bus *opened, const char *bus, uint8_t node,
-                                     uint32_t bit_rate) {
+                                     const axt_can_bit_rates *rates) {
     axt_can_status status;
     if (strcmp(bus, "pty") == 0) {
         status = open_pty(opened, NULL);
@@ -77,9 +77,9 @@ axt_can_status axt_emulator_bus_open(axt_emulator_bus *opened, const char *bus, 
     } else {
         status = open_socketcan(opened, bus, node);
     }
-    opened->paced = status == AXT_CAN_OK && bit_rate > 0;
+    opened->paced = status == AXT_CAN_OK && rates->nominal > 0;
     if (opened->paced) {
-        axt_can_pace_init(&opened->pace, opened->can, bit_rate);
+        axt_can_pace_init(&opened->pace, opened->can, rates);
         opened->can = &opened->pace.can;
     }
     return status;

@@ -21,9 +21,9 @@ typedef struct {
 } axt_emulator_bus;
 
 /* Opens `bus`: INTERFACE, pty, pty:LINK or tcp:[HOST:]PORT. `node` is the id of the node that will
- * use it, `bit_rate` the speed to emulate or 0. Fails as the carrier does. The struct must
- * not move. */
+ * use it, `rates` the speed to emulate (nominal 0: none). Fails as the carrier does. The struct
+ * must not move. */
 axt_can_status axt_emulator_bus_open(axt_emulator_bus *opened, const char *bus, uint8_t node,
-                                     uint32_t bit_rate);
+                                     const axt_can_bit_rates *rates);
 
 #endif

@@ -74,7 +74,7 @@ void axt_emulator_run_in_real_time(const axt_emulator_loop *loop) {
     conversation last = begin_conversation();
     uint64_t done = 0;
     while (done < total && *loop->stop == 0) {
-        const double elapsed = (double)(axt_clock_now() - start) * 1e-9;
+        const double elapsed = (double)(axt_clock_now() - start) * 1e-9 * loop->clock_rate;
         const double wakes = floor(elapsed / loop->wake);
         const uint64_t due = smaller(begun_by(loop, elapsed), total);
         const uint64_t late = begun_by(loop, (wakes - 1) * loop->wake);
@@ -89,7 +89,7 @@ void axt_emulator_run_in_real_time(const axt_emulator_loop *loop) {
         }
         talk(loop, &last);
         if (done == due) {
-            sleep_until(start + (uint64_t)((wakes + 1) * loop->wake * 1e9));
+            sleep_until(start + (uint64_t)((wakes + 1) * loop->wake / loop->clock_rate * 1e9));
         }
     }
 }

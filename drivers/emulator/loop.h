@@ -13,14 +13,15 @@ typedef struct {
     axt_emulator_bus *bus;
     double period;                     /* of the node's control loop [s] */
     double wake;                       /* interval at which to wake up [s], `period` or more */
+    double clock_rate;                 /* the drive's seconds in one of ours, when in real time */
     double duration;                   /* of axis time [s], 0: no end */
     const volatile sig_atomic_t *stop; /* ends the loop when it is not 0 */
 } axt_emulator_loop;
 
-/* Runs control period n at start + n x period, rounded up to the next wake-up: what is due is run,
- * late or not, so that axis time and real time never part. A period that begins later than the
- * wake-up after its own is an overrun. A bus that fails is said on standard error and does not stop
- * the axis. */
+/* Runs control period n at start + n x period of the drive's clock, rounded up to the next wake-up:
+ * what is due is run, late or not, so that axis time and real time never part. A period that begins
+ * later than the wake-up after its own is an overrun. A bus that fails is said on standard error
+ * and does not stop the axis. */
 void axt_emulator_run_in_real_time(const axt_emulator_loop *loop);
 
 /* Runs control periods without waiting for anything but room for the streamed samples. */

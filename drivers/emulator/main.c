@@ -88,6 +88,7 @@ static void run(const axt_emulator_options *options, axt_node *node, axt_emulato
         .bus = bus,
         .period = options->period,
         .wake = options->wake,
+        .clock_rate = options->clock_rate,
         .duration = options->duration,
         .stop = &stop,
     };
@@ -128,7 +129,7 @@ int main(int argc, char **argv) {
         return EXIT_BUS;
     }
     const axt_can_status opened =
-        axt_emulator_bus_open(&bus, options.bus, options.node, options.bit_rate);
+        axt_emulator_bus_open(&bus, options.bus, options.node, &options.bit_rates);
     if (opened != AXT_CAN_OK) {
         (void)fprintf(stderr, "axistwin-emulator: bus %s: %s\n", options.bus,
                       axt_can_status_string(opened));

@@ -18,8 +18,9 @@ static const char usage[] =
     "bus\n"
     "  --bus BUS             a CAN interface such as vcan0, or SLCAN: pty, pty:LINK (a symbolic\n"
     "                        link to make), tcp:[HOST:]PORT (default: pty)\n"
-    "  --bit-rate BITS       frames take the time of a bus of BITS/s; 0: what the carrier takes\n"
-    "                        (default: 1000000, but 0 with --simulated on pty and tcp)\n"
+    "  --bit-rate BITS[,DATA]  frames take the time of a bus of BITS/s, DATA/s in the data phase\n"
+    "                        of FD frames; 0: what the carrier takes (default: 1000000,5000000,\n"
+    "                        but 0 with --simulated on pty and tcp)\n"
     "  --node ID             node id, 1 to 126 (default: 1)\n"
     "drive\n"
     "  --rate HZ             of the control loop (default: 20000), or\n"
@@ -46,6 +47,7 @@ static const char usage[] =
     "                        due (default: 1000). Waking up for every single period takes a\n"
     "                        tenth of a processor at 20 kHz, where 1000 a second take less than a\n"
     "                        hundredth; the axis cannot tell, for its time is counted in periods\n"
+    "  --clock-error PPM     the drive's clock runs this much fast (default: 0)\n"
     "  --realtime-priority N run under SCHED_FIFO with this priority, memory locked\n"
     "\n"
     "  --help, --version\n";
@@ -69,6 +71,7 @@ enum {
     SIMULATED,
     DURATION,
     WAKE,
+    CLOCK_ERROR,
     REALTIME_PRIORITY,
     HELP,
     VERSION
@@ -93,13 +96,14 @@ static const struct option long_options[] = {
     {"simulated", no_argument, NULL, SIMULATED},
     {"duration", required_argument, NULL, DURATION},
     {"wake", required_argument, NULL, WAKE},
+    {"clock-error", required_argument, NULL, CLOCK_ERROR},
     {"realtime-priority", required_argument, NULL, REALTIME_PRIORITY},
     {"help", no_argument, NULL, HELP},
     {"version", no_argument, NULL, VERSION},
     {NULL, 0, NULL, 0},
 };
 
-enum { NUMBERS_MAX = 4 };
+enum { NUMBERS_MAX = 4, BIT_RATE_MAX = 1000000000 };
 
 /* Numbers separated by commas. Returns how many, 0 when the text is anything else. */
 static unsigned read_numbers(const char *text, double numbers[NUMBERS_MAX]) {
@@ -187,6 +191,19 @@ static bool read_counts(const char *option, const char *text, uint32_t counts[2]
     return true;
 }
 
+static bool read_bit_rates(const char *option, const char *text, axt_can_bit_rates *rates) {
+    double numbers[NUMBERS_MAX];
+    const unsigned count = read_numbers(text, numbers);
+    const bool data_given = count == 2;
+    if ((count != 1 && !data_given) || !whole(numbers[0]) || numbers[0] > BIT_RATE_MAX ||
+        (data_given && (!whole(numbers[1]) || numbers[1] < 1 || numbers[1] > BIT_RATE_MAX))) {
+        return complain(option, "one or two whole numbers up to 1000000000, the second 1 or more");
+    }
+    rates->nominal = (uint32_t)numbers[0];
+    rates->data = data_given ? (uint32_t)numbers[1] : rates->data;
+    return true;
+}
+
 static bool read_excitation(const char *option, const char *text, axt_schroeder *excitation) {
     double numbers[NUMBERS_MAX];
     const unsigned count = read_numbers(text, numbers);
@@ -222,7 +239,7 @@ static bool read_one(int option, axt_emulator_options *options, double *stream_r
             text[0] != '\0' || complain("bus", "a CAN interface, pty, pty:LINK or tcp:[HOST:]PORT");
         break;
     case BIT_RATE:
-        fine = read_integer("bit-rate", text, 0, 1000000000, &options->bit_rate);
+        fine = read_bit_rates("bit-rate", text, &options->bit_rates);
         break;
     case NODE:
         fine = read_integer("node", text, 1, AXT_NODE_ID_MAX, &integer);
@@ -276,6 +293,10 @@ static bool read_one(int option, axt_emulator_options *options, double *stream_r
     case WAKE:
         fine = read_number("wake", text, 1, 1e6, wake_rate);
         break;
+    case CLOCK_ERROR:
+        fine = read_number("clock-error", text, -1e5, 1e5, &number);
+        options->clock_rate = 1.0 + number * 1e-6;
+        break;
     case REALTIME_PRIORITY:
         fine = read_integer("realtime-priority", text, 1, 99, &integer);
         options->realtime_priority = (int)integer;
@@ -309,8 +330,8 @@ static void derive(axt_emulator_options *options, double stream_rate, double wak
     }
     const bool slcan =
         strncmp(options->bus, "pty", 3) == 0 || strncmp(options->bus, "tcp:", 4) == 0;
-    if (options->bit_rate == UINT32_MAX) {
-        options->bit_rate = (options->simulated && slcan) ? 0 : 1000000;
+    if (options->bit_rates.nominal == UINT32_MAX) {
+        options->bit_rates.nominal = (options->simulated && slcan) ? 0 : 1000000;
     }
 }
 
@@ -319,11 +340,12 @@ axt_emulator_todo axt_emulator_read_options(int argc, char **argv, axt_emulator_
     double wake_rate = 1000;
     *options = (axt_emulator_options){
         .bus = "pty",
-        .bit_rate = UINT32_MAX, /* not given */
+        .bit_rates = {.nominal = UINT32_MAX /* not given */, .data = 5000000},
         .node = 1,
         .period = 1.0 / 20000,
         .axis = axt_axis_paper,
         .expected = {.I1 = (axt_real)5e-5, .I2 = (axt_real)5e-6, .B = (axt_real)1e-3, .K = 200},
+        .clock_rate = 1.0,
         .forgetting = (axt_real)(1.0 - 1.0 / 20000),
         .counts_per_turn = {1048576, 1048576},
         .rated_torque = 640,

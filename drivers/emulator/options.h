@@ -6,11 +6,12 @@
 #include <stdint.h>
 
 #include "axt_axis.h"
+#include "axt_can_pace.h"
 #include "axt_excitation.h"
 
 typedef struct {
-    const char *bus;   /* INTERFACE, pty, pty:LINK or tcp:[HOST:]PORT */
-    uint32_t bit_rate; /* of the bus [bit/s], 0: as fast as the carrier */
+    const char *bus;             /* INTERFACE, pty, pty:LINK or tcp:[HOST:]PORT */
+    axt_can_bit_rates bit_rates; /* of the bus; nominal 0: as fast as the carrier */
     uint8_t node;
     double period;              /* of the control loop [s] */
     uint32_t stream_decimation; /* control periods between streamed samples */
@@ -26,6 +27,7 @@ typedef struct {
     bool simulated;
     double duration;       /* of axis time [s], 0: until a signal */
     double wake;           /* interval of the loop [s] */
+    double clock_rate;     /* the drive's seconds in one of ours */
     int realtime_priority; /* 1 .. 99, 0: none */
 } axt_emulator_options;
 

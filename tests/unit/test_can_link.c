@@ -189,6 +189,8 @@ CASE(the_next_host_finds_an_adapter_just_plugged_in) {
     CHECK(host_has(&w, "\rt1810\r"));
 }
 
+static const axt_can_bit_rates one_megabit = {.nominal = 1000000, .data = 5000000};
+
 /* ISO 11898-1: 44 bits and 8 a byte from start to end of frame, 3 between frames, at most one stuff
  * bit for every four after the first of the 34 and 8 a byte that are stuffed. */
 CASE(a_frame_takes_its_longest_time) {
@@ -196,10 +198,28 @@ CASE(a_frame_takes_its_longest_time) {
     const axt_can_frame empty = {.id = 0x181, .length = 0};
     const axt_can_frame remote = {.id = 0x181 | AXT_CAN_REMOTE, .length = 8};
     const axt_can_frame extended = {.id = 0x181 | AXT_CAN_EXTENDED, .length = 8};
-    CHECK_EQUAL(axt_can_frame_bits(&longest), 44 + 64 + 3 + 24);
-    CHECK_EQUAL(axt_can_frame_bits(&empty), 44 + 3 + 8);
-    CHECK_EQUAL(axt_can_frame_bits(&remote), 44 + 3 + 8);
-    CHECK_EQUAL(axt_can_frame_bits(&extended), 64 + 64 + 3 + 29);
+    const uint64_t bit = 1000; /* [ns] */
+    CHECK_EQUAL(axt_can_frame_time(&longest, &one_megabit), (44 + 64 + 3 + 24) * bit);
+    CHECK_EQUAL(axt_can_frame_time(&empty, &one_megabit), (44 + 3 + 8) * bit);
+    CHECK_EQUAL(axt_can_frame_time(&remote, &one_megabit), (44 + 3 + 8) * bit);
+    CHECK_EQUAL(axt_can_frame_time(&extended, &one_megabit), (64 + 64 + 3 + 29) * bit);
+}
+
+/* The same of FD frames, field by field: SOF 1, identifier 11, RRS, IDE, FDF, res, BRS; at the data
+ * rate ESI, code 4, data, stuff count 4 and CRC with a fixed stuff bit before every four,
+ * delimiter; acknowledge 2, end 7, intermission 3. */
+CASE(an_fd_frame_takes_its_longest_time_at_two_rates) {
+    const axt_can_frame longest = {.id = 0x401, .length = 64, .fd = true};
+    const axt_can_frame empty = {.id = 0x401, .length = 0, .fd = true};
+    const axt_can_frame extended = {.id = 0x401 | AXT_CAN_EXTENDED, .length = 16, .fd = true};
+    const uint64_t bit = 1000;
+    const uint64_t fast = 200;
+    CHECK_EQUAL(axt_can_frame_time(&longest, &one_megabit),
+                (17 + 4 + 12) * bit + (5 + 512 + 129 + 4 + 21 + 7 + 1) * fast);
+    CHECK_EQUAL(axt_can_frame_time(&empty, &one_megabit),
+                (17 + 4 + 12) * bit + (5 + 1 + 4 + 17 + 6 + 1) * fast);
+    CHECK_EQUAL(axt_can_frame_time(&extended, &one_megabit),
+                (36 + 8 + 12) * bit + (5 + 128 + 34 + 4 + 17 + 6 + 1) * fast);
 }
 
 static uint32_t sent_in(axt_can_pace *pace, wire *w, uint32_t steps, uint64_t nanoseconds) {
@@ -228,7 +248,8 @@ CASE(a_paced_bus_carries_what_its_bit_rate_allows) {
         host_writes(&w, "O\r");
         axt_can_frame received;
         (void)link.can.receive(&link.can, &received);
-        axt_can_pace_init(&pace, &link.can, bit_rates[i]);
+        const axt_can_bit_rates rates = {.nominal = bit_rates[i], .data = bit_rates[i]};
+        axt_can_pace_init(&pace, &link.can, &rates);
         CHECK_NEAR(sent_in(&pace, &w, 10000, 1000000), 10.0 * bit_rates[i] / 135, 1);
         /* a pause is not made up for by more than 10 ms of the bus, or a frame */
         axt_can_pace_elapse(&pace, UINT64_MAX);
@@ -241,7 +262,7 @@ CASE(a_closed_bus_takes_no_time) {
     axt_can_pace pace;
     wire w;
     connect(&link, &w, 4096);
-    axt_can_pace_init(&pace, &link.can, 1000000);
+    axt_can_pace_init(&pace, &link.can, &one_megabit);
     axt_can_pace_elapse(&pace, 1000000);
     const axt_can_frame frame = {.id = 0x181, .length = 8};
     for (int i = 0; i < 100; i++) {
@@ -278,7 +299,7 @@ CASE(a_paced_bus_is_as_well_as_the_bus_behind_it) {
     wire w;
     axt_can_frame frame = {.id = 0x181};
     connect(&link, &w, 4096);
-    axt_can_pace_init(&pace, &link.can, 1000000);
+    axt_can_pace_init(&pace, &link.can, &one_megabit);
     link.can.health = (axt_can_health){.state = AXT_CAN_STATE_PASSIVE, .error_frames = 3};
     (void)pace.can.receive(&pace.can, &frame);
     CHECK_EQUAL(pace.can.health.state, AXT_CAN_STATE_PASSIVE);
@@ -289,6 +310,42 @@ CASE(a_paced_bus_is_as_well_as_the_bus_behind_it) {
     CHECK_EQUAL(pace.can.health.bus_off, 1);
 }
 
+/* ISO 11898-1: codes 9 to 15 are 12, 16, 20, 24, 32, 48 and 64 bytes. */
+CASE(data_lengths_have_codes) {
+    static const uint8_t lengths[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
+    for (uint8_t code = 0; code < 16; code++) {
+        CHECK_EQUAL(axt_can_fd_length(code), lengths[code]);
+        CHECK_EQUAL(axt_can_fd_code(lengths[code]), code);
+    }
+    CHECK_EQUAL(axt_can_fd_code(9), 9);
+    CHECK_EQUAL(axt_can_fd_code(63), 15);
+    CHECK_EQUAL(axt_can_fd_code(255), 15);
+}
+
+CASE(frames_are_valid_or_not) {
+    static const struct {
+        axt_can_frame frame;
+        bool on_classical;
+        bool on_fd;
+    } examples[] = {
+        {{.id = 0x7FF, .length = 8}, true, true},
+        {{.id = 0x800, .length = 8}, false, false},
+        {{.id = 0x1FFFFFFF | AXT_CAN_EXTENDED}, true, true},
+        {{.id = 0x20000000 | AXT_CAN_EXTENDED}, false, false},
+        {{.id = 0x7FF | AXT_CAN_REMOTE, .length = 8}, true, true},
+        {{.id = 1, .length = 9}, false, false},
+        {{.id = 1, .length = 64, .fd = true}, false, true},
+        {{.id = 1, .length = 12, .fd = true}, false, true},
+        {{.id = 1, .length = 13, .fd = true}, false, false},
+        {{.id = 1, .length = 65, .fd = true}, false, false},
+        {{.id = 1 | AXT_CAN_REMOTE, .fd = true}, false, false},
+    };
+    for (size_t i = 0; i < sizeof examples / sizeof *examples; i++) {
+        CHECK_EQUAL(axt_can_frame_valid(&examples[i].frame, false), examples[i].on_classical);
+        CHECK_EQUAL(axt_can_frame_valid(&examples[i].frame, true), examples[i].on_fd);
+    }
+}
+
 int main(void) {
     RUN(lines_may_be_split_anywhere);
     RUN(frames_find_nobody_until_the_channel_is_open);
@@ -296,8 +353,11 @@ int main(void) {
     RUN(answers_wait_for_room);
     RUN(the_next_host_finds_an_adapter_just_plugged_in);
     RUN(a_frame_takes_its_longest_time);
+    RUN(an_fd_frame_takes_its_longest_time_at_two_rates);
     RUN(a_paced_bus_carries_what_its_bit_rate_allows);
     RUN(a_closed_bus_takes_no_time);
+    RUN(data_lengths_have_codes);
+    RUN(frames_are_valid_or_not);
     RUN(every_status_has_a_line_of_its_own);
     RUN(every_state_has_a_name_of_its_own);
     RUN(a_paced_bus_is_as_well_as_the_bus_behind_it);
