@@ -381,6 +381,8 @@ def test_garbage_in_a_bus_log_gets_one_clear_line(
         ("pythoncan_test_CanMessage.blf", 2, 0),
         ("pythoncan_test_CanMessage.trc", 2, 0),
         ("pythoncan_logfile_errorframes.asc", 1, 3),
+        ("pythoncan_test_CanFdMessage.asc", 2, 0),
+        ("pythoncan_test_CanFdMessage.blf", 2, 0),
     ],
 )
 def test_logs_of_other_tools_are_read(
@@ -393,17 +395,9 @@ def test_logs_of_other_tools_are_read(
         read_record(file)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "asammdf_test_metadata.mf4",
-        "pythoncan_test_CanFdMessage.asc",
-        "pythoncan_test_CanFdMessage.blf",
-    ],
-)
-def test_logs_without_classical_frames_are_said_to_have_none(measured: Measured, name: str) -> None:
-    with pytest.raises(InputError, match="it holds no classical frames"):
-        read_record(measured(f"CAN_interop/{name}"))
+def test_a_log_without_data_frames_is_said_to_have_none(measured: Measured) -> None:
+    with pytest.raises(InputError, match="it holds no data frames"):
+        read_record(measured("CAN_interop/asammdf_test_metadata.mf4"))
 
 
 @pytest.mark.parametrize("version", ["0.5.6", "0.6.10"])

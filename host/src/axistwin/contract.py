@@ -20,8 +20,9 @@ from axistwin.errors import InputError
 #: Node ids that the contract's identifiers leave room for.
 NODES = range(1, 127)
 
-#: Full length of a frame's payload, to which shorter ones are filled up with zeros.
-PAYLOAD = 8
+#: Full length of a classical and of an FD frame's payload, to which shorter ones are filled up with
+#: zeros.
+PAYLOAD, PAYLOAD_FD = 8, 64
 
 Payloads = npt.NDArray[np.uint8]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -12,10 +12,11 @@ import can
 import numpy as np
 import numpy.typing as npt
 
-from axistwin.contract import NODES, PAYLOAD, Contract, Payloads
+from axistwin.contract import NODES, PAYLOAD, PAYLOAD_FD, Contract, Payloads
 from axistwin.core import Axis, Estimate, Modal
 from axistwin.errors import InputError
 from axistwin.record import Array, Indices, Record
+from axistwin.timebase import Clock, Counting, fit_clock, follow
 
 #: Report pages that describe a node, in the order of the contract.
 IDENTITY = (
@@ -32,21 +33,27 @@ IDENTITY = (
 _AXIS = ("I1", "I2", "B", "K")
 _MODAL = ("Wn", "Wd", "Zeta")
 
-# A counter that goes back by more than this many samples has started afresh: frames of one node do
-# not overtake each other by that much.
-_OVERTAKEN_MAX = 64
-_COUNTER_WRAP = 1 << 16
+# Fewer frames than this that fit to no others are damaged; so many amid others are a second node's.
+_PART_MIN = 8
+_SECOND_NODE_MIN = 20
 
-# Time stamps may lag behind the bus by this much when a host was busy [s].
-_CLOCK_LAG_MAX = 5.0
+# Of frames with the same counter so many may differ: one in ten. More are a second node's.
+_DIFFERENT_MAX = 10
+
+# A node whose clock is off by more than this does not run in real time: an overloaded emulator.
+_DRIFT_MAX = 1e-3
+
+# A record has to be half complete: it is cut at its longest gaps so often to become that.
+_CUTS_MAX = 50
 
 
 @dataclass(frozen=True)
 class Frames:
-    """Classical data frames with 11-bit identifiers, in order of arrival.
+    """Data frames with 11-bit identifiers, classical and FD, in order of arrival.
 
-    ``time`` [s] of arrival, ``identifier``, ``length`` are (n,), ``payload`` is (n, 8), filled up
-    with zeros. ``errors`` is the number of error frames among them.
+    ``time`` [s] of arrival, ``identifier``, ``length`` are (n,), ``payload`` is (n, 8), or (n, 64)
+    where an FD frame needs it, filled up with zeros. ``errors`` is the number of error frames among
+    them.
     """
 
     time: Array
@@ -60,22 +67,41 @@ class Frames:
 
     @staticmethod
     def of(messages: Iterable[can.Message]) -> Frames:
-        """The frames of messages; FD, remote and extended frames are left out."""
-        times, identifiers, lengths, payloads, errors = [], [], [], [], 0
+        """The frames of messages; remote and extended frames are left out."""
+        times, identifiers, payloads, errors = [], [], [], 0
         for message in messages:
             if message.is_error_frame:
                 errors += 1
-            elif not (message.is_extended_id or message.is_remote_frame or message.is_fd):
+            elif not (message.is_extended_id or message.is_remote_frame):
                 times.append(message.timestamp)
                 identifiers.append(message.arbitration_id)
-                lengths.append(len(message.data))
-                payloads.append(bytes(message.data).ljust(PAYLOAD, b"\0"))
+                payloads.append(bytes(message.data[:PAYLOAD_FD]))
+        lengths = np.array([len(payload) for payload in payloads], np.int64)
+        width = PAYLOAD if lengths.max(initial=0) <= PAYLOAD else PAYLOAD_FD
+        filled = b"".join(payload.ljust(width, b"\0") for payload in payloads)
         return Frames(
             np.array(times, np.float64),
             np.array(identifiers, np.int64),
-            np.array(lengths, np.int64),
-            np.frombuffer(b"".join(payloads), np.uint8).reshape(-1, PAYLOAD),
+            lengths,
+            np.frombuffer(filled, np.uint8).reshape(-1, width),
             errors,
+        )
+
+    @staticmethod
+    def joined(pieces: Sequence[Frames]) -> Frames:
+        """One after the other."""
+        width = max((piece.payload.shape[1] for piece in pieces), default=PAYLOAD)
+        return Frames(
+            np.concatenate([np.zeros(0), *(piece.time for piece in pieces)]),
+            np.concatenate([np.zeros(0, np.int64), *(piece.identifier for piece in pieces)]),
+            np.concatenate([np.zeros(0, np.int64), *(piece.length for piece in pieces)]),
+            np.concatenate(
+                [
+                    np.zeros((0, width), np.uint8),
+                    *(np.pad(p.payload, ((0, 0), (0, width - p.payload.shape[1]))) for p in pieces),
+                ]
+            ),
+            sum(piece.errors for piece in pieces),
         )
 
 
@@ -162,12 +188,16 @@ class _Node:
         self.frames = frames
         self.contract = contract
         self.id = node_id
+        self._rows: dict[str, Indices] = {}
 
     def rows(self, message: str) -> Indices:
         """Indices of a message's frames, those with the wrong length left out."""
-        frames, contract = self.frames, self.contract
-        named = frames.identifier == contract.identifier(message, self.id)
-        return np.flatnonzero(named & (frames.length == contract.length(message)))
+        if message not in self._rows:
+            frames, contract = self.frames, self.contract
+            named = frames.identifier == contract.identifier(message, self.id)
+            right = frames.length == contract.length(message)
+            self._rows[message] = np.flatnonzero(named & right)
+        return self._rows[message]
 
     def wrong_lengths(self, message: str) -> int:
         """How many frames of a message have the wrong length."""
@@ -240,6 +270,15 @@ def _estimate_of(values: Mapping[str, tuple[float, bool]]) -> Estimate:
     )
 
 
+@dataclass(frozen=True)
+class _Channel:
+    """One encoder: raw positions at places of the grid, in order, and the torque beside them."""
+
+    places: Indices
+    position: npt.NDArray[np.int64]
+    torque: npt.NDArray[np.int64] | None = None
+
+
 class _Reader:
     """What stream and trace have in common: units, gaps, warnings."""
 
@@ -253,6 +292,7 @@ class _Reader:
         self.source = source
         self.settings = settings
         self.warnings = list(warnings)
+        self.found: dict[str, Any] = {}
 
     def need(self, page: str, option: str, at: int) -> float:
         """What a report page says; InputError naming the option when it was not sent."""
@@ -279,10 +319,17 @@ class _Reader:
             table = int(reported) if reported else None
         return motor, table
 
+    def note(self, name: str, count: int, text: str) -> None:
+        """Counts something that is not as it should be; it is said where there is any of it."""
+        self.found[name] = count
+        if count > 0:
+            self.warnings.append(f"{count} {text}")
+
     def longest(self, rows: Indices, part_of: Indices) -> npt.NDArray[np.bool_]:
         """Which rows are in the longest of several parts."""
         sizes = np.bincount(part_of)
         longest = int(np.argmax(sizes))
+        self.found["restarts"] = len(sizes) - 1
         if len(sizes) > 1:
             self.warnings.append(
                 f"the {self.part} starts afresh {len(sizes) - 1} times (node restarted or settings "
@@ -292,22 +339,18 @@ class _Reader:
         return chosen
 
     def assemble(
-        self,
-        places: tuple[Indices, Indices],
-        rows: tuple[Indices, Indices],
-        names: tuple[str, str],
-        count: int,
-        time_step: float,
+        self, motor: _Channel, table: _Channel, message: str, at: int, count: int, time_step: float
     ) -> Record:
-        """A record of ``count`` samples from motor and table frames at ``places`` of the grid."""
-        at = max(int(r[-1]) for r in rows if len(r) > 0)
+        """A record of ``count`` samples from both encoders; reports up to row ``at`` hold for it."""
         motor_counts, table_counts = self.counts(at)
-        if len(rows[1]) == 0:
+        if len(table.places) == 0:
             table_counts = None
         whole = np.zeros(count, bool)
-        whole[places[0]] = True
+        whole[motor.places] = True
         if table_counts is not None:
-            whole[np.setdiff1d(np.arange(count), places[1])] = False
+            there = np.zeros(count, bool)
+            there[table.places] = True
+            whole &= there
         if np.count_nonzero(whole) < max(2, count // 2):
             raise InputError(
                 f"{self.source}: only {np.count_nonzero(whole)} of {count} samples are complete"
@@ -316,21 +359,20 @@ class _Reader:
         grid = np.arange(first, last + 1)
         missing = np.flatnonzero(~whole[first : last + 1])
 
-        def fill(values: npt.NDArray[Any], i: int) -> Array:
-            return np.asarray(np.interp(grid, places[i], values), np.float64)
+        def fill(values: npt.NDArray[Any], places: Indices) -> Array:
+            return np.asarray(np.interp(grid, places, values), np.float64)
 
         turn = 1.0 if self.settings.linear else 2.0 * np.pi
-        motor = _unwrap(self.node.raw(self.messages[0], names[0], rows[0]))
-        torque = self.node.raw(self.messages[0], "Torque", rows[0])
+        assert motor.torque is not None
+        torque = motor.torque * self.torque_unit(message, at)
         theta2 = None
         if table_counts is not None:
-            table = _unwrap(self.node.raw(self.messages[1], names[1], rows[1]))
-            theta2 = fill(table * (turn / table_counts), 1)
-        self.warn(len(missing), len(grid))
+            theta2 = fill(_unwrap(table.position) * (turn / table_counts), table.places)
+        self.warn(missing, len(grid), time_step)
         return Record(
             time=time_step * np.arange(len(grid), dtype=np.float64),
-            torque=fill(torque * self.torque_unit(self.messages[0], at), 0),
-            theta1=fill(motor * (turn / motor_counts), 0),
+            torque=fill(torque, motor.places),
+            theta1=fill(_unwrap(motor.position) * (turn / motor_counts), motor.places),
             theta2=theta2,
             time_step=time_step,
             counts_per_turn=(motor_counts, table_counts),
@@ -342,31 +384,40 @@ class _Reader:
         )
 
     def meta(self) -> dict[str, Any]:
-        """Which node this is, and what it has found out about its axis."""
+        """Which node this is, what was found wrong, and what the node has identified."""
         estimate = self.node.estimate()
         found = {"node_estimate": asdict(estimate)} if estimate is not None else {}
-        return {"node": self.node.id, "part": self.part, **found}
+        return {"node": self.node.id, "part": self.part, "frames": self.found, **found}
 
-    def warn(self, missing: int, count: int) -> None:
+    def warn(self, missing: Indices, count: int, time_step: float) -> None:
         """Notes everything about these frames that is not as it should be."""
-        if missing > 0:
-            self.warnings.append(f"{missing} of {count} samples are missing")
-        for message in dict.fromkeys(self.messages):
-            wrong = self.node.wrong_lengths(message)
-            if wrong > 0:
+        self.found["samples"] = count
+        gaps = np.concatenate([[0], np.flatnonzero(np.diff(missing) > 1) + 1, [len(missing)]])
+        longest = int(np.argmax(np.diff(gaps)))
+        in_a_row = int(gaps[longest + 1] - gaps[longest])
+        where = ""
+        if in_a_row > 1:
+            where = f", {in_a_row} in a row from {missing[gaps[longest]] * time_step:.6g} s on"
+        self.note("missing", len(missing), f"of {count} samples are missing{where}")
+        wrong = {name: self.node.wrong_lengths(name) for name in dict.fromkeys(self.messages)}
+        self.found["wrong_length"] = sum(wrong.values())
+        for message, many in wrong.items():
+            if many > 0:
                 self.warnings.append(
-                    f"{wrong} {message} frames do not have "
+                    f"{many} {message} frames do not have "
                     f"{self.node.contract.length(message)} bytes: left out"
                 )
-        if self.node.frames.errors > 0:
-            self.warnings.append(f"{self.node.frames.errors} bus error frames")
-        late = self.node.page_rows("Overruns")
-        if len(late) > 0:
-            overruns = self.node.raw("Report", "Overruns", late[[0, -1]])
-            if overruns[1] > overruns[0]:
-                self.warnings.append(
-                    f"the node's control loop was late {overruns[1] - overruns[0]} times"
-                )
+        self.note("error_frames", self.node.frames.errors, "bus error frames")
+        for page, text in (
+            ("Overruns", "the node's control loop was late {} times"),
+            ("LostSamples", "the node found no room on the way to the bus for {} samples"),
+        ):
+            pages = self.node.page_rows(page)
+            values = self.node.raw("Report", page, pages[[0, -1]]) if len(pages) > 0 else [0, 0]
+            grown = max(0, int(values[1]) - int(values[0]))
+            self.found["node_" + page.lower()] = grown
+            if grown > 0:
+                self.warnings.append(text.format(grown))
 
     def record(self) -> Record:
         """The record; InputError when the frames do not make one."""
@@ -391,63 +442,149 @@ class _Stream(_Reader):
             node.raw("Motor", "Counter", rows),
             node.raw("Table", "Counter", rows),
         )
-        step = (np.diff(counter) + _COUNTER_WRAP // 2) % _COUNTER_WRAP - _COUNTER_WRAP // 2
-        afresh = self.afresh(rows, step)
-        used = self.longest(rows, np.concatenate([[0], np.cumsum(afresh)]))
-        count = np.concatenate([[0], np.cumsum(np.where(afresh, 0, step))])[used]
-        rows, count = rows[used], count - count.min()
-        behind = int(np.count_nonzero(np.diff(count) < 0))
-        if behind > 0:
-            self.warnings.append(f"{behind} frames came out of order")
-        motor, table = (self.kind(rows, count, is_motor[rows] == flag) for flag in (True, False))
-        if len(motor[0]) == 0:
+        used, counting = self.main_part(rows, counter)
+        rows, count = rows[used], counting.count[used]
+        time_step = self.time_step(int(rows[-1]))
+        motor_rows = is_motor[rows]
+        if not np.any(motor_rows):
             raise InputError(f"{self.source}: holds no Motor frames of node {node.id}")
+        clock = fit_clock(node.frames.time[rows[motor_rows]], count[motor_rows], time_step)
+        dense = self.densest(count)
+        rows, count, motor_rows = rows[dense], count[dense] - count[dense].min(), motor_rows[dense]
+        self.note(
+            "out_of_order",
+            int(np.count_nonzero(np.diff(count) < 0)),
+            "frames came out of order: put right",
+        )
+        motor, table = self.channels(rows, count, motor_rows)
         return self.assemble(
-            (motor[0], table[0]),
-            (motor[1], table[1]),
-            ("Position", "Position"),
+            motor,
+            table,
+            "Motor",
+            int(rows[-1]),
             int(count.max()) + 1,
-            self.time_step(int(rows[-1])),
+            self.by_clock(time_step, clock),
         )
 
-    def afresh(self, rows: Indices, step: Indices) -> npt.NDArray[np.bool_]:
-        """Where the counting starts afresh: (n - 1,) for n rows and the steps of their counter."""
-        node = self.node
-        decimation = node.page_rows("StreamDecimation")
-        changed = np.diff(node.raw("Report", "StreamDecimation", decimation)) != 0
-        restarts = np.union1d(node.starts(), decimation[1:][changed])
-        # A host that lost its node and found it again has asked it who it is. If samples are
-        # missing there, too, then the node may have been another one in between.
-        met = np.union1d(node.accepted("Identify"), node.accepted("StreamStart"))
-        # Counter and clock have to agree roughly; else the counter has gone round unseen, or it
-        # was not that far ahead but reset.
-        period = self.time_step(int(rows[-1]))
-        disagree = np.diff(node.frames.time[rows]) - period * step
-        result: npt.NDArray[np.bool_] = (
-            _between(restarts, rows)
-            | (_between(met, rows) & (step > 1))
-            | (step < -_OVERTAKEN_MAX)
-            | (disagree > period * _COUNTER_WRAP / 2)
-            | (disagree < -_CLOCK_LAG_MAX)
-        )
-        return result
+    def main_part(
+        self, rows: Indices, counter: Indices
+    ) -> tuple[npt.NDArray[np.bool_], Counting]:
+        """Which rows are of the longest part that was counted in one go, and how they count.
 
-    def kind(
-        self, rows: Indices, count: Indices, chosen: npt.NDArray[np.bool_]
-    ) -> tuple[Indices, Indices]:
-        """Places on the grid and rows of one kind of frame, in order, each place once."""
-        places, first = np.unique(count[chosen], return_index=True)
-        twice = np.count_nonzero(chosen) - len(places)
-        if twice > 0:
-            self.warnings.append(f"{twice} frames came twice")
-        return places, rows[chosen][first]
+        Raises InputError when more than one node has counted at a time.
+        """
+        node, cuts = self.node, self.cuts(rows)
+        counting = follow(node.frames.time[rows], counter, self.time_step(int(rows[-1])), cuts)
+        second = (
+            f"{self.source}: two nodes with id {node.id} send at the same time, or the log is "
+            f"damaged (their counters contradict each other); give each node an id of its own"
+        )
+        if counting.contradictory:
+            raise InputError(second)
+        sizes = np.bincount(counting.part)
+        main = int(np.argmax(sizes))
+        span = np.flatnonzero(counting.part == main)[[0, -1]]
+        amid = np.bincount(counting.part[span[0] : span[1] + 1], minlength=len(sizes))
+        amid[main] = 0
+        if amid.max() >= _SECOND_NODE_MIN:
+            raise InputError(second)
+        damaged = (sizes < _PART_MIN) & (sizes < sizes[main])
+        self.note(
+            "contradictory",
+            int(sizes[damaged].sum()),
+            f"frames contradict the others (damaged, or of a second node {node.id}): left out",
+        )
+        kept = ~damaged[counting.part]
+        used = np.zeros(len(rows), bool)
+        parts = np.unique(counting.part[kept], return_inverse=True)[1]
+        used[kept] = self.longest(rows[kept], parts)
+        return used, counting
+
+    def cuts(self, rows: Indices) -> npt.NDArray[np.bool_]:
+        """Where the node says that its counter starts afresh: (n - 1,) for n rows."""
+        decimation = self.node.page_rows("StreamDecimation")
+        changed = np.diff(self.node.raw("Report", "StreamDecimation", decimation)) != 0
+        return _between(np.union1d(self.node.starts(), decimation[1:][changed]), rows)
+
+    def densest(self, count: Indices) -> npt.NDArray[np.bool_]:
+        """Which frames make a record that is at least half complete: cut at the longest gaps."""
+        chosen = np.ones(len(count), bool)
+        for _ in range(_CUTS_MAX):
+            places = np.unique(count[chosen])
+            if 2 * len(places) >= places[-1] - places[0]:
+                break
+            gap = int(np.argmax(np.diff(places)))
+            later = 2 * (gap + 1) < len(places)
+            chosen &= (count > places[gap]) if later else (count <= places[gap])
+        if not np.all(chosen):
+            self.warnings.append(
+                f"most of the samples are missing in between: the longest part that holds together "
+                f"is used, {np.count_nonzero(chosen)} of {len(count)} frames"
+            )
+        return chosen
+
+    def channels(
+        self, rows: Indices, count: Indices, is_motor: npt.NDArray[np.bool_]
+    ) -> tuple[_Channel, _Channel]:
+        """Both encoders, each place once: what came twice means the same.
+
+        Where two frames with one counter differ, the one that is in line with those around it
+        counts. Raises InputError when that is so for many.
+        """
+        before, after = np.roll(count, 1), np.roll(count, -1)
+        before[0], after[-1] = count[0], count[-1]
+        middle = np.sort(np.stack([before, count, after]), axis=0)[1]
+        order = np.lexsort((np.abs(count - middle), count))
+        twice, different, channels = 0, 0, []
+        for message, flag in (("Motor", True), ("Table", False)):
+            chosen = order[is_motor[order] == flag]
+            places, first, place = np.unique(
+                count[chosen], return_index=True, return_inverse=True
+            )
+            payload = self.node.frames.payload[rows[chosen]]
+            other = np.any(payload != payload[first][place], axis=1)
+            different += int(np.count_nonzero(other))
+            twice += len(chosen) - len(places) - int(np.count_nonzero(other))
+            of = rows[chosen][first]
+            torque = self.node.raw(message, "Torque", of) if flag else None
+            channels.append(_Channel(places, self.node.raw(message, "Position", of), torque))
+        if _DIFFERENT_MAX * different > len(rows):
+            raise InputError(
+                f"{self.source}: two nodes with id {self.node.id} send at the same time (frames "
+                f"with the same counter differ); give each node an id of its own"
+            )
+        self.note("twice", twice, "frames came twice: left out")
+        self.note("different", different, "frames have the counter of another one: left out")
+        motor, table = channels
+        return motor, table
 
     def time_step(self, at: int) -> float:
-        """Time between two samples [s]."""
+        """Time between two samples by the node's clock [s]."""
         if self.settings.time_step is not None:
             return self.settings.time_step
         period = self.need("ControlPeriod", "--time-step", at)
         return period * self.need("StreamDecimation", "--time-step", at)
+
+    def by_clock(self, time_step: float, clock: Clock | None) -> float:
+        """Time between two samples [s] by the clock of the host that has logged them."""
+        if clock is None:
+            return time_step
+        self.found["clock"] = {
+            "start": clock.start,
+            "drift_ppm": 1e6 * clock.drift,
+            "error_ppm": 1e6 * clock.error,
+        }
+        if not clock.significant:
+            return time_step
+        off = f"the node's clock is {1e6 * abs(clock.drift):.3g} ppm (± {1e6 * clock.error:.1g}) "
+        off += "slower" if clock.drift > 0 else "faster"
+        if abs(clock.drift) > _DRIFT_MAX:
+            self.warnings.append(f"{off} than the logger's: it does not run in real time")
+            return time_step
+        if self.settings.time_step is not None:
+            return time_step
+        self.warnings.append(f"{off} than the logger's: put right")
+        return clock.period
 
 
 class _Trace(_Reader):
@@ -468,7 +605,7 @@ class _Trace(_Reader):
         rows = rows[used]
         index = node.raw("Trace", "Index", rows)
         channel = node.raw("Trace", "Channel", rows)
-        motor, table = (self.channel(rows, index, channel == i) for i in (0, 1))
+        motor, table = (self.places(rows, index, channel == i) for i in (0, 1))
         if len(motor[0]) == 0:
             raise InputError(f"{self.source}: holds no motor frames of a trace of node {node.id}")
         captured = node.page_rows("TraceCaptured")
@@ -480,15 +617,20 @@ class _Trace(_Reader):
         if period is None:
             period = self.need("ControlPeriod", "--time-step", int(rows[-1]))
         return self.assemble(
-            (motor[0], table[0]),
-            (motor[1], table[1]),
-            ("MotorPosition", "TablePosition"),
+            _Channel(
+                motor[0],
+                node.raw("Trace", "MotorPosition", motor[1]),
+                node.raw("Trace", "Torque", motor[1]),
+            ),
+            _Channel(table[0], node.raw("Trace", "TablePosition", table[1])),
+            "Trace",
+            int(rows[-1]),
             count,
             period,
         )
 
     @staticmethod
-    def channel(
+    def places(
         rows: Indices, index: Indices, chosen: npt.NDArray[np.bool_]
     ) -> tuple[Indices, Indices]:
         """Indices and rows of one channel, in order, each once: sent again means the same."""

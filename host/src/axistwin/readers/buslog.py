@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import contextlib
+import io
+import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 
 import can
+from can.io.generic import MessageReader, TextIOMessageReader
 from can.io.logger import MESSAGE_WRITERS
 from can.io.player import MESSAGE_READERS
 
 from axistwin.contract import Contract
 from axistwin.errors import FileError, InputError
 from axistwin.frames import Frames, Settings, decode
+from axistwin.readers import candump
 from axistwin.record import Record
 
 _INSTALL_MF4 = "MF4 takes a further package: pip install 'axistwin[mf4]'"
@@ -48,21 +52,51 @@ def read_frames(path: Path) -> tuple[Frames, tuple[str, ...]]:
     Raises InputError when there is nothing to be read at all.
     """
     damage: list[str] = []
-    frames = Frames.of(_messages(path, damage))
+    if path.name.lower().endswith((".log", ".log.gz")):
+        frames = _candump(path, damage)
+    else:
+        frames = Frames.of(_messages(path, damage))
     if len(frames) == 0 and frames.errors == 0:
-        reason = damage[0] if damage else "it holds no classical frames with 11-bit ids"
+        reason = damage[0] if damage else "it holds no data frames with 11-bit ids"
         raise InputError(f"cannot read {path}: {reason}")
     return frames, tuple(damage)
+
+
+def _candump(path: Path, damage: list[str]) -> Frames:
+    """The frames of a candump log."""
+    try:
+        frames, found = candump.read(path)
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+    damage += found
+    return frames
+
+
+class _WholeLines(io.TextIOWrapper):
+    """Lines of text; a last one without its end is left out: a number in it may be cut off."""
+
+    cut = False
+
+    def __next__(self) -> str:
+        line = super().__next__()
+        if not line.endswith("\n"):
+            self.cut = bool(line.strip())
+            raise StopIteration
+        return line
 
 
 def _messages(path: Path, damage: list[str]) -> Iterator[can.Message]:
     """The messages of a bus log up to its end, or to where it is damaged."""
     count = 0
     try:
-        with can.LogReader(path) as reader:
+        with _reader(path) as reader:
             for message in reader:
                 yield message
                 count += 1
+            if isinstance(reader, can.BLFReader) and reader.file_size != path.stat().st_size:
+                damage.append("the log was cut off or not closed: it is read as far as it goes")
+            if isinstance(reader, TextIOMessageReader) and getattr(reader.file, "cut", False):
+                damage.append("the log ends in the middle of a line: left out")
     except NotImplementedError:
         damage.append(_INSTALL_MF4)
     except Exception as error:  # each of python-can's readers stumbles in its own way
@@ -72,6 +106,24 @@ def _messages(path: Path, damage: list[str]) -> Iterator[can.Message]:
             if count > 0
             else reason
         )
+
+
+def _reader(path: Path) -> MessageReader:
+    ending = path.suffix.lower()
+    kind = MESSAGE_READERS.get(ending)
+    if ending == ".db":
+        _check_database(path)
+    if kind is None or not issubclass(kind, TextIOMessageReader):
+        return can.LogReader(path)
+    return kind(_WholeLines(path.open("rb"), encoding="utf-8", errors="replace"))
+
+
+def _check_database(path: Path) -> None:
+    """SQLite reads on where pages are missing, and gives wrong numbers: ask it first."""
+    with contextlib.closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as file:
+        found = file.execute("PRAGMA quick_check(1)").fetchone()[0]
+    if found != "ok":
+        raise InputError(f"the database is damaged ({found})")
 
 
 @contextlib.contextmanager
