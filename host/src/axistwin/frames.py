@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import can
@@ -36,6 +36,7 @@ _MODAL = ("Wn", "Wd", "Zeta")
 # Fewer frames than this that fit to no others are damaged; so many amid others are a second node's.
 _PART_MIN = 8
 _SECOND_NODE_MIN = 20
+_DENSE = 16  # one sample in so many came
 
 # Of frames with the same counter so many may differ: one in ten. More are a second node's.
 _DIFFERENT_MAX = 10
@@ -126,7 +127,7 @@ def find_node(frames: Frames, contract: Contract, source: str, wanted: int | Non
     Raises InputError when there is none, more than one, or not the one that is wanted.
     """
     found: set[int] = set()
-    for message in ("Motor", "Trace"):
+    for message in ("Motor", "Samples", "Trace"):
         node = frames.identifier - contract.identifier(message, 0)
         is_node = (node >= NODES.start) & (node < NODES.stop)
         found |= set(node[is_node & (frames.length == contract.length(message))].tolist())
@@ -272,11 +273,44 @@ def _estimate_of(values: Mapping[str, tuple[float, bool]]) -> Estimate:
 
 @dataclass(frozen=True)
 class _Channel:
-    """One encoder: raw positions at places of the grid, in order, and the torque beside them."""
+    """One encoder: raw positions at places of the grid, and the torque beside them, if any.
+
+    Places are in order once there is one_each(); ``off`` says how far each is off the line.
+    """
 
     places: Indices
     position: npt.NDArray[np.int64]
-    torque: npt.NDArray[np.int64] | None = None
+    torque: npt.NDArray[np.int64]
+    off: Indices
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    @staticmethod
+    def of(
+        places: Indices,
+        position: npt.NDArray[np.int64],
+        torque: npt.NDArray[np.int64] | None = None,
+    ) -> _Channel:
+        """What is known to be at these places."""
+        nothing = np.zeros(len(places), np.int64)
+        return _Channel(places, position, nothing if torque is None else torque, nothing)
+
+    @staticmethod
+    def one_each(channels: Sequence[_Channel]) -> tuple[_Channel, int]:
+        """All of them in order, at each place the one least off the line; how many others differ."""
+        empty = _Channel.of(np.zeros(0, np.int64), np.zeros(0, np.int64))
+        names = [field.name for field in fields(_Channel)]
+        whole = _Channel(
+            *(np.concatenate([getattr(c, name) for c in (empty, *channels)]) for name in names)
+        )
+        if np.all(np.diff(whole.places) > 0):
+            return whole, 0
+        order = np.lexsort((whole.off, whole.places))
+        _, first, place = np.unique(whole.places[order], return_index=True, return_inverse=True)
+        best = order[first]
+        differ = np.count_nonzero(whole.position[order] != whole.position[best][place])
+        return _Channel(*(getattr(whole, name)[best] for name in names)), int(differ)
 
 
 class _Reader:
@@ -343,7 +377,7 @@ class _Reader:
     ) -> Record:
         """A record of ``count`` samples from both encoders; reports up to row ``at`` hold for it."""
         motor_counts, table_counts = self.counts(at)
-        if len(table.places) == 0:
+        if len(table) == 0:
             table_counts = None
         whole = np.zeros(count, bool)
         whole[motor.places] = True
@@ -363,7 +397,6 @@ class _Reader:
             return np.asarray(np.interp(grid, places, values), np.float64)
 
         turn = 1.0 if self.settings.linear else 2.0 * np.pi
-        assert motor.torque is not None
         torque = motor.torque * self.torque_unit(message, at)
         theta2 = None
         if table_counts is not None:
@@ -424,51 +457,47 @@ class _Reader:
         raise NotImplementedError
 
 
+_STREAMED = ("Motor", "Table", "Samples")
+_TABLE, _SAMPLES = 1, 2
+
+
 class _Stream(_Reader):
-    """The live stream: motor and table frames with a 16-bit sample counter."""
+    """The live stream, samples counted by 16 bits: Motor and Table frames, or Samples on CAN FD."""
 
     part = "stream"
-    messages = ("Motor", "Table")
+    messages = _STREAMED
 
     def record(self) -> Record:
         node = self.node
-        is_motor = np.zeros(len(node.frames), bool)
-        is_motor[node.rows("Motor")] = True
-        rows = np.union1d(node.rows("Motor"), node.rows("Table"))
+        kind = np.full(len(node.frames), -1)
+        counter = np.zeros(len(node.frames), np.int64)
+        for i, message in enumerate(self.messages):
+            rows = node.rows(message)
+            if len(rows) > 0:
+                kind[rows], counter[rows] = i, node.raw(message, "Counter", rows)
+        rows = np.flatnonzero(kind >= 0)
         if len(rows) == 0:
             raise InputError(f"{self.source}: holds no live stream of node {node.id}")
-        counter = np.where(
-            is_motor[rows],
-            node.raw("Motor", "Counter", rows),
-            node.raw("Table", "Counter", rows),
-        )
-        used, counting = self.main_part(rows, counter)
+        used, counting = self.main_part(rows, counter[rows])
         rows, count = rows[used], counting.count[used]
         time_step = self.time_step(int(rows[-1]))
-        motor_rows = is_motor[rows]
-        if not np.any(motor_rows):
+        timed = kind[rows] != _TABLE
+        if not np.any(timed):
             raise InputError(f"{self.source}: holds no Motor frames of node {node.id}")
-        clock = fit_clock(node.frames.time[rows[motor_rows]], count[motor_rows], time_step)
-        dense = self.densest(count)
-        rows, count, motor_rows = rows[dense], count[dense] - count[dense].min(), motor_rows[dense]
+        clock = fit_clock(node.frames.time[rows[timed]], count[timed], time_step)
+        dense = self.densest(count, np.where(kind[rows] == _SAMPLES, self.samples_a_frame(), 1))
+        rows, count = rows[dense], count[dense] - count[dense].min()
         self.note(
             "out_of_order",
             int(np.count_nonzero(np.diff(count) < 0)),
             "frames came out of order: put right",
         )
-        motor, table = self.channels(rows, count, motor_rows)
-        return self.assemble(
-            motor,
-            table,
-            "Motor",
-            int(rows[-1]),
-            int(count.max()) + 1,
-            self.by_clock(time_step, clock),
-        )
+        motor, table = self.channels(rows, count, kind[rows])
+        samples = 1 + int(max(channel.places[-1] for channel in (motor, table) if len(channel)))
+        time_step = self.by_clock(time_step, clock)
+        return self.assemble(motor, table, "Motor", int(rows[-1]), samples, time_step)
 
-    def main_part(
-        self, rows: Indices, counter: Indices
-    ) -> tuple[npt.NDArray[np.bool_], Counting]:
+    def main_part(self, rows: Indices, counter: Indices) -> tuple[npt.NDArray[np.bool_], Counting]:
         """Which rows are of the longest part that was counted in one go, and how they count.
 
         Raises InputError when more than one node has counted at a time.
@@ -485,10 +514,12 @@ class _Stream(_Reader):
         main = int(np.argmax(sizes))
         span = np.flatnonzero(counting.part == main)[[0, -1]]
         amid = np.bincount(counting.part[span[0] : span[1] + 1], minlength=len(sizes))
-        amid[main] = 0
-        if amid.max() >= _SECOND_NODE_MIN:
-            raise InputError(second)
-        damaged = (sizes < _PART_MIN) & (sizes < sizes[main])
+        damaged = sizes < _PART_MIN
+        for part in np.flatnonzero(~damaged).tolist():
+            damaged[part] = not _dense(counting.count[counting.part == part])
+            if part != main and amid[part] >= _SECOND_NODE_MIN and not damaged[part]:
+                raise InputError(second)
+        damaged[main] = False
         self.note(
             "contradictory",
             int(sizes[damaged].sum()),
@@ -506,15 +537,19 @@ class _Stream(_Reader):
         changed = np.diff(self.node.raw("Report", "StreamDecimation", decimation)) != 0
         return _between(np.union1d(self.node.starts(), decimation[1:][changed]), rows)
 
-    def densest(self, count: Indices) -> npt.NDArray[np.bool_]:
-        """Which frames make a record that is at least half complete: cut at the longest gaps."""
+    def densest(self, count: Indices, samples: Indices) -> npt.NDArray[np.bool_]:
+        """Which frames make a record that is at least half complete: cut at the longest gaps.
+
+        ``count`` (n,) of the frames and how many ``samples`` each has.
+        """
         chosen = np.ones(len(count), bool)
         for _ in range(_CUTS_MAX):
-            places = np.unique(count[chosen])
-            if 2 * len(places) >= places[-1] - places[0]:
+            places, first = np.unique(count[chosen], return_index=True)
+            held = np.cumsum(samples[chosen][first])
+            if 2 * held[-1] >= places[-1] - places[0]:
                 break
             gap = int(np.argmax(np.diff(places)))
-            later = 2 * (gap + 1) < len(places)
+            later = 2 * held[gap] < held[-1]
             chosen &= (count > places[gap]) if later else (count <= places[gap])
         if not np.all(chosen):
             self.warnings.append(
@@ -524,30 +559,30 @@ class _Stream(_Reader):
         return chosen
 
     def channels(
-        self, rows: Indices, count: Indices, is_motor: npt.NDArray[np.bool_]
+        self, rows: Indices, count: Indices, kind: npt.NDArray[np.int64]
     ) -> tuple[_Channel, _Channel]:
-        """Both encoders, each place once: what came twice means the same.
-
-        Where two frames with one counter differ, the one that is in line with those around it
-        counts. Raises InputError when that is so for many.
-        """
-        before, after = np.roll(count, 1), np.roll(count, -1)
-        before[0], after[-1] = count[0], count[-1]
-        middle = np.sort(np.stack([before, count, after]), axis=0)[1]
-        order = np.lexsort((np.abs(count - middle), count))
-        twice, different, channels = 0, 0, []
-        for message, flag in (("Motor", True), ("Table", False)):
-            chosen = order[is_motor[order] == flag]
-            places, first, place = np.unique(
-                count[chosen], return_index=True, return_inverse=True
-            )
-            payload = self.node.frames.payload[rows[chosen]]
-            other = np.any(payload != payload[first][place], axis=1)
-            different += int(np.count_nonzero(other))
-            twice += len(chosen) - len(places) - int(np.count_nonzero(other))
-            of = rows[chosen][first]
-            torque = self.node.raw(message, "Torque", of) if flag else None
-            channels.append(_Channel(places, self.node.raw(message, "Position", of), torque))
+        """Both encoders, each place once. Raises InputError when frames of many places differ."""
+        off = _off_the_line(count)
+        twice, different = 0, 0
+        motors, tables = [], []
+        for i, message in enumerate(self.messages):
+            chosen = np.flatnonzero(kind == i)
+            if len(chosen) == 0:
+                continue
+            once, same, others = self.once(rows[chosen], count[chosen], off[chosen])
+            chosen = chosen[once]
+            twice, different = twice + same, different + others
+            many = self.samples_a_frame() if i == _SAMPLES else 1
+            places = (count[chosen, None] + np.arange(many)).ravel()
+            distance = np.repeat(off[chosen], many)
+            torque, motor, table = self.columns(message, rows[chosen], many)
+            if motor is not None and torque is not None:
+                motors.append(_Channel(places, motor, torque, distance))
+            if table is not None:
+                tables.append(_Channel(places, table, np.zeros_like(table), distance))
+        motor_channel, motor_differs = _Channel.one_each(motors)
+        table_channel, table_differs = _Channel.one_each(tables)
+        different += (motor_differs + table_differs) // (2 * self.samples_a_frame())
         if _DIFFERENT_MAX * different > len(rows):
             raise InputError(
                 f"{self.source}: two nodes with id {self.node.id} send at the same time (frames "
@@ -555,8 +590,40 @@ class _Stream(_Reader):
             )
         self.note("twice", twice, "frames came twice: left out")
         self.note("different", different, "frames have the counter of another one: left out")
-        motor, table = channels
-        return motor, table
+        return motor_channel, table_channel
+
+    def columns(
+        self, message: str, rows: Indices, many: int
+    ) -> tuple[npt.NDArray[np.int64] | None, ...]:
+        """Torque, motor and table position of each sample in these rows; None: not in there."""
+        if message == "Samples":
+            return tuple(
+                np.stack([self.node.raw(message, f"{n}{i}", rows) for i in range(many)], 1).ravel()
+                for n in ("Torque", "MotorPosition", "TablePosition")
+            )
+        position = self.node.raw(message, "Position", rows)
+        if message == "Motor":
+            return self.node.raw(message, "Torque", rows), position, None
+        return None, None, position
+
+    def once(self, rows: Indices, count: Indices, off: Indices) -> tuple[Indices, int, int]:
+        """Indices of the frames of one kind, each count once and in order; how many were left out.
+
+        First those that came twice, then those that differ from the one with the same count that
+        is less ``off`` the line of those around it.
+        """
+        if np.all(np.diff(count) > 0):
+            return np.arange(len(rows)), 0, 0
+        order = np.lexsort((off, count))
+        _, first, place = np.unique(count[order], return_index=True, return_inverse=True)
+        payload = self.node.frames.payload[rows[order]]
+        differ = int(np.count_nonzero(np.any(payload != payload[first][place], axis=1)))
+        return order[first], len(rows) - len(first) - differ, differ
+
+    def samples_a_frame(self) -> int:
+        """How many samples a Samples frame holds."""
+        signals = self.node.contract.messages["Samples"].signals
+        return sum(signal.name.startswith("MotorPosition") for signal in signals)
 
     def time_step(self, at: int) -> float:
         """Time between two samples by the node's clock [s]."""
@@ -616,13 +683,17 @@ class _Trace(_Reader):
         period = self.settings.time_step
         if period is None:
             period = self.need("ControlPeriod", "--time-step", int(rows[-1]))
+            period *= node.page("TraceDecimation", int(rows[-1])) or 1.0
+        triggered = node.page("TraceTriggered", int(rows[-1]))
+        if triggered:
+            self.found["trigger"] = int(triggered)
         return self.assemble(
-            _Channel(
+            _Channel.of(
                 motor[0],
                 node.raw("Trace", "MotorPosition", motor[1]),
                 node.raw("Trace", "Torque", motor[1]),
             ),
-            _Channel(table[0], node.raw("Trace", "TablePosition", table[1])),
+            _Channel.of(table[0], node.raw("Trace", "TablePosition", table[1])),
             "Trace",
             int(rows[-1]),
             count,
@@ -653,6 +724,18 @@ class _Trace(_Reader):
         found = trace_checksum(self.node.frames.payload[order])
         if found != int(self.node.raw("Report", "TraceChecksum", sent)[0]):
             self.warnings.append("the trace does not match its checksum")
+
+
+def _dense(count: Indices) -> bool:
+    """Do these follow each other, as the frames of a node do, or fit together by chance only?"""
+    return _DENSE * len(np.unique(count)) >= np.ptp(count)
+
+
+def _off_the_line(count: Indices) -> Indices:
+    """How far each count (n,) is off the middle of itself and its neighbours."""
+    around = np.stack([np.append(count[:1], count[:-1]), count, np.append(count[1:], count[-1:])])
+    result: Indices = np.abs(count - np.sort(around, axis=0)[1])
+    return result
 
 
 def _between(marks: Indices, rows: Indices) -> npt.NDArray[np.bool_]:

@@ -7,6 +7,7 @@ late by any time, some of them, but never early: what decides is the lower envel
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,8 +29,8 @@ _AGREE_CLOCKS = 500e-6
 # Frames of one node do not overtake each other by more samples than this.
 _OVERTAKEN_MAX = 64
 
-# The delays of so many frames are looked at for one that was not late.
-_WINDOW = 2048
+# The delays of so many frames are looked at for one that was not late: seconds of a full bus.
+_WINDOW = 1 << 15
 
 # Host time a sample is measured over so many frames; a node that is off by more than the share does
 # not run in real time (an emulator that was told to run as fast as it can).
@@ -77,7 +78,7 @@ def follow(time: Array, counter: Indices, period: float, cuts: Flags) -> Countin
     part, count = np.zeros(len(time), np.int64), np.zeros(len(time), np.int64)
     edges = [0, *(np.flatnonzero(cuts) + 1).tolist(), len(time)]
     parts, contradictory = 0, False
-    for begin, end in zip(edges, edges[1:], strict=False):
+    for begin, end in itertools.pairwise(edges):
         one = slice(begin, end)
         found = _follow(time[one], counter[one], period)
         part[one], count[one] = found.part + parts, found.count
@@ -91,7 +92,11 @@ def _follow(time: Array, counter: Indices, period: float) -> Counting:
     count = np.concatenate([counter[:1], counter[:1] + np.cumsum(step)])
     period = _pace(time, count, period)
     agree = min(_AGREE, _AGREE_TURN * WRAP * period)
-    jumps = np.flatnonzero(np.abs(np.diff(time) - period * step) > agree) + 1
+    late = np.diff(time) - period * step
+    # Where the counter goes straight on the host was busy: it would not, had it started afresh.
+    straight = (step >= 0) & (step <= _OVERTAKEN_MAX) & (late > 0.0)
+    straight &= late < 0.5 * WRAP * period
+    jumps = np.flatnonzero((np.abs(late) > agree) & ~straight) + 1
     if len(jumps) == 0:
         return Counting(np.zeros(len(time), np.int64), count)
     if len(jumps) > len(time) // _CONTRADICTED_MAX + 1:
@@ -106,7 +111,7 @@ def _link(time: Array, count: Indices, period: float, agree: float, jumps: Indic
     edges = [0, *jumps.tolist(), len(time)]
     open_parts: list[_Open] = []
     parts = 0
-    for begin, end in zip(edges, edges[1:], strict=False):
+    for begin, end in itertools.pairwise(edges):
         at = float(np.min(origin[begin : begin + _WINDOW][: end - begin]))
         chosen, turns = None, 0
         for candidate in open_parts:

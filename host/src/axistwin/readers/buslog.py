@@ -77,8 +77,8 @@ class _WholeLines(io.TextIOWrapper):
 
     cut = False
 
-    def __next__(self) -> str:
-        line = super().__next__()
+    def __next__(self) -> str:  # type: ignore[override]  # as in TextIOWrapper itself
+        line: str = super().__next__()
         if not line.endswith("\n"):
             self.cut = bool(line.strip())
             raise StopIteration
@@ -120,7 +120,9 @@ def _reader(path: Path) -> MessageReader:
 
 def _check_database(path: Path) -> None:
     """SQLite reads on where pages are missing, and gives wrong numbers: ask it first."""
-    with contextlib.closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as file:
+    with contextlib.closing(
+        sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)
+    ) as file:
         found = file.execute("PRAGMA quick_check(1)").fetchone()[0]
     if found != "ok":
         raise InputError(f"the database is damaged ({found})")

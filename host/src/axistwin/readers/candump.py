@@ -23,7 +23,7 @@ from axistwin.frames import Frames
 # Files are read and text is dealt with in pieces of these sizes.
 _READ, _CHUNK = 1 << 16, 1 << 24
 
-# The longest line: time, 15 characters of the interface's name, an FD frame with a 29-bit identifier.
+# No line is longer: time, the interface's name (15 characters), an FD frame with a 29-bit identifier.
 _LINE_MAX = 256
 
 # A time of arrival has up to so many digits of seconds, and always six of microseconds.
@@ -68,7 +68,7 @@ def read(path: Path) -> tuple[Frames, tuple[str, ...]]:
     return Frames.joined(pieces), tuple(warnings)
 
 
-def _chunks(file: BinaryIO, warnings: list[str]) -> Iterator[bytes]:
+def _chunks(file: BinaryIO | gzip.GzipFile, warnings: list[str]) -> Iterator[bytes]:
     """What a file holds in pieces, up to where it ends or cannot be unpacked any more."""
     parts: list[bytes] = []
     try:
@@ -128,7 +128,9 @@ def _first(text: _Bytes, character: int, starts: _Indices) -> _Indices:
     return found
 
 
-def _time(text: _Bytes, starts: _Indices, close: _Indices) -> tuple[npt.NDArray[np.float64], _Flags]:
+def _time(
+    text: _Bytes, starts: _Indices, close: _Indices
+) -> tuple[npt.NDArray[np.float64], _Flags]:
     """The numbers between parentheses, and whether they are any."""
     dot = close - _MICROSECONDS - 1
     before = dot - starts - 1
