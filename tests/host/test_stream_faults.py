@@ -33,6 +33,7 @@ HALF = np.dtype([("counter", "<u2"), ("position", "<i4"), ("last", "<i2")])
 SAMPLE = np.dtype([("motor", "<i4"), ("table", "<i4"), ("torque", "<i2")])
 WHOLE = np.dtype([("counter", "<u2"), ("status", "<u2"), ("samples", SAMPLE, MANY)])
 
+Times = npt.NDArray[np.float64]
 Kind = Callable[..., "Stream"]
 
 
@@ -98,7 +99,7 @@ def flexible(n: int, counter: int = 0, seed: int = 0, step: float = STEP) -> Str
     packed["samples"]["motor"] = counts[:, 0].astype(np.int32).reshape(-1, MANY)
     packed["samples"]["table"] = counts[:, 1].astype(np.int32).reshape(-1, MANY)
     packed["samples"]["torque"] = torque.reshape(-1, MANY)
-    times = BEGIN + step * MANY * np.arange(many)
+    times: Times = BEGIN + step * MANY * np.arange(many)
     payload = packed.view(np.uint8).reshape(-1, 64)
     sent = Frames(times, np.full(many, SAMPLES), np.full(many, 64), payload, 0)
     return Stream(torque, counts, sent, MANY)
@@ -119,7 +120,7 @@ def taken(sent: Frames, rows: npt.ArrayLike) -> Frames:
     )
 
 
-def at(sent: Frames, times: npt.NDArray[np.float64]) -> Frames:
+def at(sent: Frames, times: Times) -> Frames:
     """The same frames at other times of arrival."""
     return Frames(times, sent.identifier, sent.length, sent.payload, sent.errors)
 
@@ -134,7 +135,15 @@ def decode(sent: Frames, known: Settings = KNOWN) -> Record:
     return frames.decode(sent, CONTRACT, "made here", known, "stream")
 
 
-def late(times: npt.NDArray[np.float64], seed: int, busy: float = 1.0) -> npt.NDArray[np.float64]:
+def attempt(sent: Frames) -> tuple[Record | None, str]:
+    """The record, or why there is none."""
+    try:
+        return decode(sent), ""
+    except InputError as error:
+        return None, str(error)
+
+
+def late(times: Times, seed: int, busy: float = 1.0) -> Times:
     """Times of arrival at a host that is ``busy`` for so long, several times: frames pile up."""
     random = np.random.default_rng(seed)
     found = times + random.exponential(2e-4, len(times))
@@ -172,7 +181,7 @@ def test_a_gap_longer_than_a_turn_of_the_counter_is_counted_by_time(
 ) -> None:
     """The node's clock is off, and the host was busy when the frames came back."""
     stream = kind(520_002, counter=60_000)
-    clock = BEGIN + (stream.sent.time - BEGIN) * (1.0 + 1e-6 * ppm)
+    clock: Times = BEGIN + (stream.sent.time - BEGIN) * (1.0 + 1e-6 * ppm)
     begin = 120_000
     rows = [stream.frames_of(begin)[0], stream.frames_of(begin + gap)[0]]
     kept = np.r_[0 : rows[0], rows[1] : len(stream.sent)]
@@ -209,7 +218,7 @@ def test_the_clock_of_the_node_is_found_whatever_was_late(
     kind: Kind, seed: int, ppm: float
 ) -> None:
     stream = kind(30_000, seed=seed)
-    clock = BEGIN + (stream.sent.time - BEGIN) * (1.0 + 1e-6 * ppm)
+    clock: Times = BEGIN + (stream.sent.time - BEGIN) * (1.0 + 1e-6 * ppm)
     sent = together(Frames.of(identity(BEGIN - 0.1)), at(stream.sent, late(clock, seed)))
     record = decode(sent, Settings())
     assert len(record.missing) == 0
@@ -295,10 +304,9 @@ def test_two_nodes_with_one_id_make_no_record(kind: Kind, apart: int) -> None:
 @pytest.mark.parametrize("slower", [10, 50])
 def test_a_second_node_that_sends_now_and_then_is_noticed(kind: Kind, slower: int) -> None:
     one, two = kind(12_000, 100, 1), kind(12_000 // slower, 20_000, 2, slower * STEP)
-    try:
-        record = decode(together(one.sent, at(two.sent, two.sent.time + 0.4e-3)))
-    except InputError as error:
-        assert "two nodes with id 1" in str(error)
+    record, refusal = attempt(together(one.sent, at(two.sent, two.sent.time + 0.4e-3)))
+    if record is None:
+        assert "two nodes with id 1" in refusal
     else:
         assert any("second node 1" in text for text in record.warnings)
         assert len(record.missing) == 0
@@ -308,7 +316,7 @@ def test_a_second_node_that_sends_now_and_then_is_noticed(kind: Kind, slower: in
 @kinds
 @pytest.mark.parametrize("speed", [0.02, 0.5, 3.0])
 def test_a_node_in_its_own_time_is_counted_by_its_own_time(kind: Kind, speed: float) -> None:
-    """An emulator that runs as fast as it can, or as slowly as it must: the host's clock is no use."""
+    """An emulator that runs as fast as it can, or as slowly: the host's clock is no use then."""
     stream = kind(30_000, 5)
     n = len(stream.sent)
     kept = np.r_[0 : n // 3, n // 2 : n]
@@ -344,12 +352,9 @@ def test_whatever_comes_makes_a_record_or_one_clear_line(
     length = np.where(wild[2], random.integers(0, sent.payload.shape[1] + 1, n), sent.length)
     noise = random.integers(0, 256, sent.payload.shape, np.uint8)
     payload = np.where(wild[3][:, None], noise, sent.payload)
-    try:
-        record = decode(Frames(times, identifier, length, payload, 0))
-    except InputError as error:
-        assert "\n" not in str(error)
-    else:
-        assert len(record) >= 2
+    record, refusal = attempt(Frames(times, identifier, length, payload, 0))
+    assert "\n" not in refusal
+    assert record is None or len(record) >= 2
 
 
 def test_two_minutes_at_ten_kilohertz_are_whole() -> None:

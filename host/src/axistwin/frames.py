@@ -298,7 +298,7 @@ class _Channel:
 
     @staticmethod
     def one_each(channels: Sequence[_Channel]) -> tuple[_Channel, int]:
-        """All of them in order, at each place the one least off the line; how many others differ."""
+        """All in order, at each place the one least off the line; and how many others differ."""
         empty = _Channel.of(np.zeros(0, np.int64), np.zeros(0, np.int64))
         names = [field.name for field in fields(_Channel)]
         whole = _Channel(
@@ -375,7 +375,7 @@ class _Reader:
     def assemble(
         self, motor: _Channel, table: _Channel, message: str, at: int, count: int, time_step: float
     ) -> Record:
-        """A record of ``count`` samples from both encoders; reports up to row ``at`` hold for it."""
+        """A record of ``count`` samples from both encoders; what was reported by row ``at`` holds."""
         motor_counts, table_counts = self.counts(at)
         if len(table) == 0:
             table_counts = None
@@ -728,7 +728,7 @@ class _Trace(_Reader):
 
 def _dense(count: Indices) -> bool:
     """Do these follow each other, as the frames of a node do, or fit together by chance only?"""
-    return _DENSE * len(np.unique(count)) >= np.ptp(count)
+    return _DENSE * len(np.unique(count)) >= int(np.ptp(count))
 
 
 def _off_the_line(count: Indices) -> Indices:

@@ -23,7 +23,7 @@ from axistwin.frames import Frames
 # Files are read and text is dealt with in pieces of these sizes.
 _READ, _CHUNK = 1 << 16, 1 << 24
 
-# No line is longer: time, the interface's name (15 characters), an FD frame with a 29-bit identifier.
+# No line is longer: time, 15 characters of the interface's name, an FD frame, a 29-bit identifier.
 _LINE_MAX = 256
 
 # A time of arrival has up to so many digits of seconds, and always six of microseconds.
@@ -107,10 +107,11 @@ def _parse(text: _Bytes) -> tuple[Frames, int]:
     fine &= (standard | extended) & (digits >= 0) & (digits <= most) & (digits % 2 == 0)
     identifier, number = _number(text, mark, np.where(standard, _STANDARD, _EXTENDED))
     fine &= number
-    payload, number = _payload(text, begin, np.where(fine, digits, 0))
+    wanted = fine & standard & ~remote
+    payload, number = _payload(text, begin, np.where(wanted, digits, 0))
     fine &= number
     errors = fine & ~standard & (identifier & _ERROR_FLAG != 0)
-    chosen = fine & standard & ~remote
+    chosen = fine & wanted
     frames = Frames(
         time[chosen],
         identifier[chosen],
