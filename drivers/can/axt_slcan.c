@@ -52,24 +52,38 @@ static char *write_number(char *text, uint32_t digits, uint32_t number) {
     return text + digits;
 }
 
-/* A line t, T, r or R as a frame. False when it is malformed. */
+/* What the first letter of a frame's line says. */
+typedef struct {
+    bool extended;
+    bool remote;
+    bool fd;
+} frame_kind;
+
+static frame_kind kind_of(char letter) {
+    return (frame_kind){
+        .extended = letter == 'T' || letter == 'R' || letter == 'D' || letter == 'B',
+        .remote = letter == 'r' || letter == 'R',
+        .fd = letter == 'd' || letter == 'D' || letter == 'b' || letter == 'B',
+    };
+}
+
+/* A line t, r, d, b or one of the capital letters as a frame. False when it is malformed. */
 static bool read_frame(const char *line, uint32_t length, axt_can_frame *frame) {
-    const bool extended = line[0] == 'T' || line[0] == 'R';
-    const bool remote = line[0] == 'r' || line[0] == 'R';
-    const uint32_t digits = extended ? EXTENDED_DIGITS : STANDARD_DIGITS;
-    axt_can_frame found = {0};
-    uint32_t size;
+    const frame_kind kind = kind_of(line[0]);
+    const uint32_t digits = kind.extended ? EXTENDED_DIGITS : STANDARD_DIGITS;
+    axt_can_frame found = {.fd = kind.fd};
+    uint32_t code;
     if (length < 2 + digits || !read_number(line + 1, digits, &found.id) ||
-        !read_number(line + 1 + digits, 1, &size)) {
+        !read_number(line + 1 + digits, 1, &code) ||
+        found.id > (kind.extended ? EXTENDED_MAX : STANDARD_MAX)) {
         return false;
     }
-    const uint32_t data_digits = remote ? 0 : 2 * size;
-    if (found.id > (extended ? EXTENDED_MAX : STANDARD_MAX) || size > AXT_CAN_CLASSICAL_MAX ||
-        length != 2 + digits + data_digits) {
+    found.id |= (kind.extended ? AXT_CAN_EXTENDED : 0) | (kind.remote ? AXT_CAN_REMOTE : 0);
+    found.length = kind.fd ? axt_can_fd_length((uint8_t)code) : (uint8_t)code;
+    const uint32_t data_digits = kind.remote ? 0 : 2 * (uint32_t)found.length;
+    if (!axt_can_frame_valid(&found, true) || length != 2 + digits + data_digits) {
         return false;
     }
-    found.id |= (extended ? AXT_CAN_EXTENDED : 0) | (remote ? AXT_CAN_REMOTE : 0);
-    found.length = (uint8_t)size;
     const char *next = line + 2 + digits;
     for (uint32_t i = 0; i < data_digits / 2; i++) {
         uint32_t byte;
@@ -115,6 +129,11 @@ static void answer_end(axt_slcan_reply *reply, char end) {
     reply->answer_length++;
 }
 
+static void answer_done(bool done, axt_slcan_reply *reply) {
+    answer_end(reply, done ? ok : bell);
+    reply->refused = !done;
+}
+
 static void answer_text(axt_slcan_reply *reply, const char *text) {
     while (*text != '\0') {
         answer_end(reply, *text);
@@ -134,7 +153,7 @@ static bool set_channel(axt_slcan *slcan, uint32_t length, axt_slcan_channel cha
     return true;
 }
 
-/* S, s, Z, M and m: a setting of `digits` digits up to `limit`, for a closed channel only. */
+/* S, s, Y, Z, M and m: a setting of `digits` digits up to `limit`, for a closed channel only. */
 static bool read_setting(const axt_slcan *slcan, uint32_t length, uint32_t digits, uint32_t limit,
                          uint32_t *setting) {
     uint32_t number;
@@ -153,6 +172,13 @@ static bool set_timing(axt_slcan *slcan, uint32_t length, uint32_t digits, uint3
     return fine;
 }
 
+static bool set_data_rate(axt_slcan *slcan, uint32_t length) {
+    uint32_t rate = 0;
+    const bool fine = read_setting(slcan, length, 1, 8, &rate);
+    slcan->data_rate = fine ? (uint8_t)rate : slcan->data_rate;
+    return fine;
+}
+
 static bool set_timestamps(axt_slcan *slcan, uint32_t length) {
     uint32_t on = 0;
     const bool fine = read_setting(slcan, length, 1, 1, &on);
@@ -161,9 +187,9 @@ static bool set_timestamps(axt_slcan *slcan, uint32_t length) {
 }
 
 static void answer_frame(const axt_slcan *slcan, uint32_t length, axt_slcan_reply *reply) {
-    const bool extended = slcan->line[0] == 'T' || slcan->line[0] == 'R';
+    const bool extended = kind_of(slcan->line[0]).extended;
     if (slcan->channel != AXT_SLCAN_OPEN || !read_frame(slcan->line, length, &reply->frame)) {
-        answer_end(reply, bell);
+        answer_done(false, reply);
         return;
     }
     reply->has_frame = true;
@@ -172,7 +198,7 @@ static void answer_frame(const axt_slcan *slcan, uint32_t length, axt_slcan_repl
 
 static void answer_flags(axt_slcan *slcan, uint32_t length, axt_slcan_reply *reply) {
     if (slcan->channel == AXT_SLCAN_CLOSED || length != 1) {
-        answer_end(reply, bell);
+        answer_done(false, reply);
         return;
     }
     char text[] = "F00";
@@ -185,15 +211,7 @@ static void answer_about(uint32_t length, const char *text, axt_slcan_reply *rep
     if (length == 1) {
         answer_text(reply, text);
     } else {
-        answer_end(reply, bell);
-    }
-}
-
-static void answer_done(bool done, axt_slcan_reply *reply) {
-    if (done) {
-        answer_end(reply, ok);
-    } else {
-        answer_end(reply, bell);
+        answer_done(false, reply);
     }
 }
 
@@ -219,6 +237,9 @@ static void run_line(axt_slcan *slcan, uint32_t length, axt_slcan_reply *reply) 
     case 's':
         answer_done(set_timing(slcan, length, 4, UINT16_MAX), reply);
         break;
+    case 'Y':
+        answer_done(set_data_rate(slcan, length), reply);
+        break;
     case 'Z':
         answer_done(set_timestamps(slcan, length), reply);
         break;
@@ -232,6 +253,10 @@ static void run_line(axt_slcan *slcan, uint32_t length, axt_slcan_reply *reply) 
     case 'T':
     case 'r':
     case 'R':
+    case 'd':
+    case 'D':
+    case 'b':
+    case 'B':
         answer_frame(slcan, length, reply);
         break;
     case 'F':
@@ -247,7 +272,7 @@ static void run_line(axt_slcan *slcan, uint32_t length, axt_slcan_reply *reply) 
         answer_about(length, "NAXTW", reply);
         break;
     default:
-        answer_end(reply, bell);
+        answer_done(false, reply);
         break;
     }
 }
@@ -266,31 +291,37 @@ bool axt_slcan_input(axt_slcan *slcan, char byte, axt_slcan_reply *reply) {
     slcan->length = 0;
     *reply = (axt_slcan_reply){0};
     if (length > AXT_SLCAN_LINE_MAX) {
-        answer_end(reply, bell);
+        answer_done(false, reply);
     } else {
         run_line(slcan, length, reply);
     }
     return true;
 }
 
+static char frame_letter(const axt_can_frame *frame) {
+    const bool extended = (frame->id & AXT_CAN_EXTENDED) != 0;
+    if (frame->fd) {
+        return extended ? 'B' : 'b';
+    }
+    if ((frame->id & AXT_CAN_REMOTE) != 0) {
+        return extended ? 'R' : 'r';
+    }
+    return extended ? 'T' : 't';
+}
+
 uint32_t axt_slcan_output(const axt_slcan *slcan, const axt_can_frame *frame, uint32_t milliseconds,
                           char line[AXT_SLCAN_LINE_MAX]) {
-    const bool extended = (frame->id & AXT_CAN_EXTENDED) != 0;
-    const bool remote = (frame->id & AXT_CAN_REMOTE) != 0;
-    if (slcan->channel == AXT_SLCAN_CLOSED || frame->fd || frame->length > AXT_CAN_CLASSICAL_MAX ||
+    const frame_kind kind = kind_of(frame_letter(frame));
+    if (slcan->channel == AXT_SLCAN_CLOSED || !axt_can_frame_valid(frame, true) ||
         !accepts(slcan, frame)) {
         return 0;
     }
     char *end = line;
-    if (extended) {
-        *end++ = remote ? 'R' : 'T';
-        end = write_number(end, EXTENDED_DIGITS, frame->id & EXTENDED_MAX);
-    } else {
-        *end++ = remote ? 'r' : 't';
-        end = write_number(end, STANDARD_DIGITS, frame->id & STANDARD_MAX);
-    }
-    end = write_number(end, 1, frame->length);
-    for (uint32_t i = 0; !remote && i < frame->length; i++) {
+    *end++ = frame_letter(frame);
+    end = write_number(end, kind.extended ? EXTENDED_DIGITS : STANDARD_DIGITS,
+                       frame->id & EXTENDED_MAX);
+    end = write_number(end, 1, axt_can_fd_code(frame->length));
+    for (uint32_t i = 0; !kind.remote && i < frame->length; i++) {
         end = write_number(end, 2, frame->data[i]);
     }
     if (slcan->timestamps) {

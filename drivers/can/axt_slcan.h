@@ -7,6 +7,9 @@
  *     O L C            open, open listen-only, close the channel
  *     S0 .. S8, sXXYY  bit rate, bit timing registers (stored: an emulated bus has no bits)
  *     tIIILDD.. rIIIL  send a frame, a remote frame; T and R with eight digits of identifier
+ *     dIIICDD.. bIIICDD..  send an FD frame, with another bit rate for its data; D and B likewise.
+ *                      C is the data length code, 0 to F. This and Y are those of CANable adapters
+ *     Y0 .. Y8         bit rate of FD data [Mbit/s] (stored)
  *     V v N F          versions, serial number, status flags
  *     Z0 Z1            timestamps off, on
  *     Mcccccccc mmmmmmmmm   acceptance code and mask, as in the SJA1000's dual filter
@@ -19,7 +22,7 @@
 #include "axt_can.h"
 
 enum {
-    AXT_SLCAN_LINE_MAX = 31,  /* T, 8 digits, length, 16 digits, timestamp, carriage return */
+    AXT_SLCAN_LINE_MAX = 143, /* B, 8 digits, code, 128 digits, timestamp, carriage return */
     AXT_SLCAN_ANSWER_MAX = 6, /* V1013 and a carriage return */
     AXT_SLCAN_QUEUE_FULL = 1  /* flag reported by F: a frame found no room on its way to the host */
 };
@@ -32,6 +35,7 @@ typedef struct {
     bool timestamps;
     uint8_t flags;            /* AXT_SLCAN_QUEUE_FULL; cleared when the host has read them */
     uint16_t timing;          /* BTR0 and BTR1, or 0 to 8: the digit of the last S */
+    uint8_t data_rate;        /* the digit of the last Y */
     uint32_t acceptance_code; /* bits that an identifier must have ... */
     uint32_t acceptance_mask; /* ... where this mask is 0 */
     uint8_t length;           /* of the line so far; LINE_MAX + 1: too long, being skipped */
@@ -42,6 +46,7 @@ typedef struct {
 typedef struct {
     char answer[AXT_SLCAN_ANSWER_MAX];
     uint8_t answer_length;
+    bool refused;   /* the answer is BEL: garbled, unknown, or not now */
     bool has_frame; /* the host sends `frame` */
     axt_can_frame frame;
 } axt_slcan_reply;
@@ -55,7 +60,8 @@ void axt_slcan_init(axt_slcan *slcan);
 bool axt_slcan_input(axt_slcan *slcan, char byte, axt_slcan_reply *reply);
 
 /* A frame on the bus, for the host: writes its line and returns the length, or 0 when the channel
- * is closed, the filter does not let it pass, or it is not a classical frame. `milliseconds` is the
+ * is closed, the filter does not let it pass, or it is not a valid frame. FD frames are sent with a
+ * bit rate of their own for the data (b and B). `milliseconds` is the
  * time of any clock, sent modulo 60000 when timestamps are on. */
 uint32_t axt_slcan_output(const axt_slcan *slcan, const axt_can_frame *frame, uint32_t milliseconds,
                           char line[AXT_SLCAN_LINE_MAX]);

@@ -39,7 +39,7 @@ static axt_can_status link_send(axt_can *can, const axt_can_frame *frame) {
     if (link->slcan.channel == AXT_SLCAN_CLOSED) {
         return AXT_CAN_CLOSED;
     }
-    if (frame->fd || frame->length > AXT_CAN_CLASSICAL_MAX) {
+    if (!axt_can_frame_valid(frame, can->fd)) {
         return AXT_CAN_ERROR_FRAME;
     }
     if (room(link) < AXT_SLCAN_LINE_MAX) {
@@ -88,6 +88,7 @@ static axt_can_status link_receive(axt_can *can, axt_can_frame *frame) {
         link->input_from++;
         if (axt_slcan_input(&link->slcan, byte, &reply)) {
             put(link, reply.answer, reply.answer_length);
+            can->health.error_frames += reply.refused ? 1 : 0;
             if (reply.has_frame) {
                 *frame = reply.frame;
                 return AXT_CAN_OK;
@@ -99,7 +100,7 @@ static axt_can_status link_receive(axt_can *can, axt_can_frame *frame) {
 
 void axt_slcan_link_init(axt_slcan_link *link, const axt_slcan_carrier *carrier) {
     *link = (axt_slcan_link){
-        .can = {.send = link_send, .receive = link_receive},
+        .can = {.fd = true, .send = link_send, .receive = link_receive},
         .carrier = *carrier,
     };
     axt_slcan_init(&link->slcan);

@@ -32,7 +32,8 @@ static axt_slcan plugged_in(const char *commands) {
 }
 
 static bool same_frame(const axt_can_frame *a, const axt_can_frame *b) {
-    return a->id == b->id && a->length == b->length && memcmp(a->data, b->data, a->length) == 0;
+    return a->id == b->id && a->length == b->length && a->fd == b->fd &&
+           memcmp(a->data, b->data, a->length) == 0;
 }
 
 CASE(the_channel_opens_and_closes) {
@@ -52,8 +53,8 @@ CASE(the_channel_opens_and_closes) {
 }
 
 CASE(settings_are_for_a_closed_channel) {
-    static const char *const settings[] = {"S0\r", "S8\r",        "s031C\r",    "Z1\r",
-                                           "Z0\r", "M12345678\r", "mFFFFFFFF\r"};
+    static const char *const settings[] = {"S0\r", "S8\r",        "s031C\r",     "Z1\r",
+                                           "Z0\r", "M12345678\r", "mFFFFFFFF\r", "Y5\r"};
     for (size_t i = 0; i < sizeof settings / sizeof *settings; i++) {
         axt_slcan slcan = plugged_in("");
         CHECK(answers(&slcan, settings[i], "\r"));
@@ -64,6 +65,8 @@ CASE(settings_are_for_a_closed_channel) {
     CHECK_EQUAL(slcan.timing, 6);
     (void)feed(&slcan, "s031c\r");
     CHECK_EQUAL(slcan.timing, 0x031C);
+    (void)feed(&slcan, "Y2\r");
+    CHECK_EQUAL(slcan.data_rate, 2);
     (void)feed(&slcan, "M0000ABCD\rm1234FFFF\r");
     CHECK_EQUAL(slcan.acceptance_code, 0x0000ABCD);
     CHECK_EQUAL(slcan.acceptance_mask, 0x1234FFFF);
@@ -100,6 +103,16 @@ CASE(malformed_commands_are_refused_and_change_nothing) {
                                         "R123456\r",
                                         "R1234567811\r",
                                         "t123A\r",
+                                        "Y9\r",
+                                        "Y\r",
+                                        "d12\r",
+                                        "d8000\r",
+                                        "d123G\r",
+                                        "d123900112233445566778899AA\r", /* 9 means 12 bytes */
+                                        "d1232112\r",
+                                        "B1234567\r",
+                                        "B200000000\r",
+                                        "b12310\r",
                                         "V1\r",
                                         "N0\r",
                                         "v \r",
@@ -150,6 +163,14 @@ CASE(frames_of_the_host_are_understood) {
          "Z\r",
          {.id = 0x1FFFFFFF | AXT_CAN_EXTENDED, .length = 1, .data = {255}}},
         {"r1238\r", "z\r", {.id = 0x123 | AXT_CAN_REMOTE, .length = 8}},
+        {"d12311F\r", "z\r", {.id = 0x123, .length = 1, .fd = true, .data = {0x1F}}},
+        {"b4019000102030405060708090A0b\r",
+         "z\r",
+         {.id = 0x401, .length = 12, .fd = true, .data = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11}}},
+        {"D1FFFFFFF0\r", "Z\r", {.id = 0x1FFFFFFF | AXT_CAN_EXTENDED, .fd = true}},
+        {"B00000001155\r",
+         "Z\r",
+         {.id = 1 | AXT_CAN_EXTENDED, .length = 1, .fd = true, .data = {0x55}}},
         {"R000000010\r", "Z\r", {.id = 1 | AXT_CAN_REMOTE | AXT_CAN_EXTENDED, .length = 0}},
     };
     for (size_t i = 0; i < sizeof examples / sizeof *examples; i++) {
@@ -172,9 +193,12 @@ static axt_can_frame random_frame(uint64_t *seed) {
     const uint32_t kind = (uint32_t)random_bits(seed);
     frame.id = (uint32_t)random_bits(seed) & (((kind & 1) != 0) ? 0x1FFFFFFF : 0x7FF);
     frame.id |= ((kind & 1) != 0) ? AXT_CAN_EXTENDED : 0;
-    frame.id |= ((kind & 2) != 0) ? AXT_CAN_REMOTE : 0;
-    frame.length = (uint8_t)(random_bits(seed) % 9);
-    for (uint32_t i = 0; i < frame.length && (kind & 2) == 0; i++) {
+    frame.fd = (kind & 4) != 0;
+    const bool remote = (kind & 2) != 0 && !frame.fd;
+    frame.id |= remote ? AXT_CAN_REMOTE : 0;
+    frame.length = frame.fd ? axt_can_fd_length((uint8_t)(random_bits(seed) % 16))
+                            : (uint8_t)(random_bits(seed) % 9);
+    for (uint32_t i = 0; i < frame.length && !remote; i++) {
         frame.data[i] = (uint8_t)random_bits(seed);
     }
     return frame;
@@ -215,7 +239,7 @@ CASE(timestamps_are_milliseconds_of_the_minute) {
     CHECK(memcmp(line, "t181107EA5F\r", 12) == 0);
     CHECK_EQUAL(axt_slcan_output(&slcan, &frame, 60001, line), 12);
     CHECK(memcmp(line, "t1811070001\r", 12) == 0);
-    const axt_can_frame longest = {.id = 0x1FFFFFFF | AXT_CAN_EXTENDED, .length = 8};
+    const axt_can_frame longest = {.id = 0x1FFFFFFF | AXT_CAN_EXTENDED, .length = 64, .fd = true};
     CHECK_EQUAL(axt_slcan_output(&slcan, &longest, 0, line), AXT_SLCAN_LINE_MAX);
 }
 
@@ -274,7 +298,7 @@ CASE(garbage_ends_with_the_line) {
 }
 
 CASE(a_line_of_any_length_is_one_line) {
-    for (uint32_t length = 27; length < 1000; length++) {
+    for (uint32_t length = 27; length < 1000; length++) { /* over and beyond the longest */
         axt_slcan slcan = plugged_in("O\r");
         axt_slcan_reply reply;
         bool ended = false;
