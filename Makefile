@@ -25,7 +25,7 @@ help:
 
 # ---- Set-up: once, and again when what it depends on changes ------------------------------------
 
-PACKAGES_build := gcc libc6-dev python3-venv python3-dev iproute2
+PACKAGES_build := gcc libc6-dev python3-venv python3-dev iproute2 libmodbus-dev
 PACKAGES_check := clang clang-format clang-tidy cppcheck shellcheck pkg-config
 PACKAGES_size  := gcc-arm-none-eabi gcc-riscv64-unknown-elf
 
@@ -52,7 +52,8 @@ define install-host
 	touch $@
 endef
 
-$(VENV)/.host: $(HOST_SOURCES) $(CORE_SOURCES) drivers/contract/axistwin.dbc $(VENV)/.build-tools
+$(VENV)/.host: $(HOST_SOURCES) $(CORE_SOURCES) $(wildcard drivers/contract/*.dbc drivers/contract/*.csv) \
+		$(VENV)/.build-tools
 	$(call install-host,./host)
 
 $(VENV)/.host-test: host/pyproject.toml tests/tools/constraints.txt | $(VENV)/.host
@@ -65,17 +66,29 @@ CFLAGS       ?= -O2 -g
 C_FLAGS      := -std=c11 -ffp-contract=off $(CFLAGS) -MMD -MP
 CORE_FLAGS   := $(C_FLAGS) $(WARNINGS) -ffreestanding -Ilib
 CONTRACT     := $(BUILD)/contract
-DRIVER_FLAGS := $(C_FLAGS) $(WARNINGS) -Ilib -Idrivers/can -Idrivers/node -I$(CONTRACT)
+DRIVER_FLAGS := $(C_FLAGS) $(WARNINGS) -Ilib -Idrivers/can -Idrivers/node -Idrivers/modbus \
+                -I$(CONTRACT)
 
 CORE     := $(basename $(wildcard lib/*.c))
-PORTABLE := $(basename $(wildcard drivers/node/*.c))
-LINUX    := $(basename $(wildcard drivers/can/*.c drivers/emulator/*.c))
+SERVERS  := $(addprefix drivers/modbus/axt_,modbus_server modbus_tcp modbus_serial register_exchange)
+PORTABLE := $(basename $(wildcard drivers/node/*.c) \
+                       $(filter-out $(SERVERS:%=%.c),$(wildcard drivers/modbus/*.c)))
+LINUX    := $(basename $(wildcard drivers/can/*.c drivers/emulator/*.c)) $(SERVERS)
 MAIN     := drivers/emulator/main
+LIBRARIES := -lmodbus -lm
 UNITS    := $(basename $(notdir $(wildcard tests/unit/test_*.c)))
 
 $(CONTRACT)/axt_contract.c $(CONTRACT)/axt_contract.h &: drivers/contract/axistwin.dbc \
 		drivers/contract/generate.py | $(VENV)/.build-tools
 	$(VENV)/bin/python drivers/contract/generate.py --code $(CONTRACT)
+
+$(CONTRACT)/axt_register_table.c $(CONTRACT)/axt_register_table.h &: \
+		drivers/contract/registers.csv drivers/contract/generate_registers.py \
+		drivers/contract/generate.py | $(VENV)/.build-tools
+	$(VENV)/bin/python drivers/contract/generate_registers.py --code $(CONTRACT)
+
+CONTRACTS        := axt_contract axt_register_table
+CONTRACT_HEADERS := $(CONTRACTS:%=$(CONTRACT)/%.h)
 
 run-programs = status=$(if $^,0,1); for program in $^; do $$program || status=1; done; exit $$status
 
@@ -85,12 +98,12 @@ $(BUILD)/$1/lib/%.o: lib/%.c Makefile | $(BUILD)/packages-$3
 	mkdir -p $$(@D)
 	$2 $$(CORE_FLAGS) $4 -c $$< -o $$@
 
-$(BUILD)/$1/drivers/node/%.o: drivers/node/%.c Makefile | $(BUILD)/packages-$3 \
-		$(CONTRACT)/axt_contract.h
+$(PORTABLE:%=$(BUILD)/$1/%.o): $(BUILD)/$1/%.o: %.c Makefile | $(BUILD)/packages-$3 \
+		$(CONTRACT_HEADERS)
 	mkdir -p $$(@D)
 	$2 $$(DRIVER_FLAGS) -ffreestanding $4 -c $$< -o $$@
 
-$(BUILD)/$1/drivers/%.o: drivers/%.c Makefile | $(BUILD)/packages-$3 $(CONTRACT)/axt_contract.h
+$(BUILD)/$1/drivers/%.o: drivers/%.c Makefile | $(BUILD)/packages-$3 $(CONTRACT_HEADERS)
 	mkdir -p $$(@D)
 	$2 $$(DRIVER_FLAGS) -D_GNU_SOURCE $4 -c $$< -o $$@
 
@@ -100,14 +113,14 @@ $(BUILD)/$1/contract/%.o: $(CONTRACT)/%.c Makefile | $(BUILD)/packages-$3
 
 $(BUILD)/$1/libaxistwin.a: $(CORE:%=$(BUILD)/$1/%.o)
 $(BUILD)/$1/libdrivers.a: $(patsubst %,$(BUILD)/$1/%.o,$(filter-out $(MAIN),$(PORTABLE) $(LINUX)) \
-	contract/axt_contract)
+	$(CONTRACTS:%=contract/%))
 
 $(BUILD)/$1/axistwin-emulator: $(BUILD)/$1/$(MAIN).o $(BUILD)/$1/libdrivers.a $(BUILD)/$1/libaxistwin.a
-	$2 $4 $$^ -lm -o $$@
+	$2 $4 $$^ $(LIBRARIES) -o $$@
 
 $(BUILD)/$1/unit/%: tests/unit/%.c $(BUILD)/$1/libdrivers.a $(BUILD)/$1/libaxistwin.a
 	mkdir -p $$(@D)
-	$2 $$(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE $4 $$(filter-out %.h,$$^) -lm -o $$@
+	$2 $$(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE $4 $$(filter-out %.h,$$^) $(LIBRARIES) -o $$@
 
 unit-$1: $(UNITS:%=$(BUILD)/$1/unit/%)
 	$$(run-programs)
@@ -152,7 +165,7 @@ PY_CODE := host drivers tests
 SCRIPTS := $(filter-out %.py %.txt,$(wildcard tests/tools/*)) .ci/run
 QUICK   := $(addprefix unit-,gcc-float gcc-double) host-tests \
            $(addprefix lint-,ruff ruff-format mypy clang-format clang-tidy cppcheck shellcheck) \
-           wire-page
+           wire-page registers-page
 ALL     := $(QUICK) $(filter-out $(QUICK),$(VARIANTS:%=unit-%)) races size installed hil
 
 .PHONY: $(ALL)
@@ -175,19 +188,23 @@ lint-mypy: $(VENV)/.host-test
 lint-clang-format: $(BUILD)/packages-check
 	clang-format --dry-run -Werror $(C_FILES)
 
-lint-clang-tidy: $(BUILD)/packages-check $(CONTRACT)/axt_contract.h
+lint-clang-tidy: $(BUILD)/packages-check $(CONTRACT_HEADERS)
 	printf '%s\n' $(filter %.c,$(C_FILES)) | xargs --max-args=4 --max-procs=$$(nproc) sh -c \
 	    'clang-tidy --quiet "$$@" -- $(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE' sh
 
 lint-cppcheck: $(BUILD)/packages-check
 	cppcheck --quiet --std=c11 --error-exitcode=1 --inline-suppr --suppress=missingIncludeSystem \
-	    --enable=warning,style,performance,portability -Ilib -Idrivers/can -Idrivers/node lib drivers
+	    --enable=warning,style,performance,portability -Ilib -Idrivers/can -Idrivers/node \
+	    -Idrivers/modbus -I$(CONTRACT) lib drivers
 
 lint-shellcheck: $(BUILD)/packages-check
 	shellcheck $(SCRIPTS)
 
 wire-page: $(VENV)/.build-tools
 	$(VENV)/bin/python drivers/contract/generate.py --check docs/wire.md
+
+registers-page: $(VENV)/.build-tools
+	$(VENV)/bin/python drivers/contract/generate_registers.py --check docs/registers.md
 
 installed: $(BUILD)/packages-check
 	$(MAKE) install DESTDIR= PREFIX=$(abspath $(BUILD)/installed)
@@ -213,6 +230,10 @@ size: $(BUILD)/packages-size $(BUILD)/packages-build
 
 docs/wire.md: drivers/contract/axistwin.dbc drivers/contract/generate.py | $(VENV)/.build-tools
 	$(VENV)/bin/python drivers/contract/generate.py --page $@
+
+docs/registers.md: drivers/contract/registers.csv drivers/contract/generate_registers.py \
+		drivers/contract/generate.py | $(VENV)/.build-tools
+	$(VENV)/bin/python drivers/contract/generate_registers.py --page $@
 
 INSTALLED      := $(DESTDIR)$(PREFIX)
 PUBLIC_HEADERS := $(shell grep --files-without-match 'Private to lib/' lib/*.h)

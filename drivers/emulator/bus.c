@@ -6,8 +6,7 @@
 
 #include "axt_node.h"
 
-/* Splits [HOST:]PORT; an IPv6 address stands in brackets. `host` is empty when there is none. */
-static bool split_address(const char *text, char *host, size_t size, uint16_t *port) {
+bool axt_emulator_split_address(const char *text, char *host, size_t size, uint16_t *port) {
     const char *colon = strrchr(text, ':');
     const char *digits = (colon != NULL) ? colon + 1 : text;
     size_t length = (colon != NULL) ? (size_t)(colon - text) : 0;
@@ -40,7 +39,7 @@ static axt_can_status open_tcp(axt_emulator_bus *opened, const char *address) {
     axt_slcan_tcp *tcp = &opened->carrier.tcp;
     char host[256];
     uint16_t port;
-    if (!split_address(address, host, sizeof host, &port)) {
+    if (!axt_emulator_split_address(address, host, sizeof host, &port)) {
         return AXT_CAN_ERROR_ADDRESS;
     }
     const axt_can_status status = axt_slcan_tcp_open(tcp, (host[0] != '\0') ? host : NULL, port);

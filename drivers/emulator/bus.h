@@ -2,11 +2,17 @@
 #ifndef BUS_H
 #define BUS_H
 
+#include <stdbool.h>
+#include <stddef.h>
+
 #include "axt_can.h"
 #include "axt_can_pace.h"
 #include "axt_slcan_pty.h"
 #include "axt_slcan_tcp.h"
 #include "axt_socketcan.h"
+
+/* Splits [HOST:]PORT; an IPv6 address stands in brackets. `host` is empty when there is none. */
+bool axt_emulator_split_address(const char *text, char *host, size_t size, uint16_t *port);
 
 typedef struct {
     union {

@@ -60,6 +60,7 @@ static void talk(const axt_emulator_loop *loop, conversation *last) {
     }
     last->time = now;
     const char *wrong = complaint(bus->can, axt_node_background(loop->node));
+    axt_emulator_modbus_run(loop->modbus);
     if (wrong != last->complaint) {
         (void)fprintf(stderr, "axistwin-emulator: bus %s: %s\n", bus->name,
                       (wrong != NULL) ? wrong : "works again");

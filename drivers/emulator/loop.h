@@ -7,10 +7,12 @@
 
 #include "axt_node.h"
 #include "bus.h"
+#include "modbus_servers.h"
 
 typedef struct {
     axt_node *node;
     axt_emulator_bus *bus;
+    axt_emulator_modbus *modbus;
     double period;                     /* of the node's control loop [s] */
     double wake;                       /* interval at which to wake up [s], `period` or more */
     double clock_rate;                 /* the drive's seconds in one of ours, when in real time */

@@ -15,6 +15,7 @@
 #include "axt_node.h"
 #include "bus.h"
 #include "loop.h"
+#include "modbus_servers.h"
 #include "options.h"
 
 enum { EXIT_FINE = 0, EXIT_USAGE = 2, EXIT_BUS = 3 };
@@ -82,20 +83,22 @@ static axt_status start_node(const axt_emulator_options *options, axt_emulated_a
     return (status == AXT_OK) ? axt_node_init(node, &config, &port) : status;
 }
 
-static void run(const axt_emulator_options *options, axt_node *node, axt_emulator_bus *bus) {
+static void run(const axt_emulator_options *options, axt_node *node, axt_emulator_bus *bus,
+                axt_emulator_modbus *modbus) {
     const axt_emulator_loop loop = {
         .node = node,
         .bus = bus,
+        .modbus = modbus,
         .period = options->period,
         .wake = options->wake,
         .clock_rate = options->clock_rate,
         .duration = options->duration,
         .stop = &stop,
     };
-    (void)printf("axistwin-emulator: node %u on %s, %.6g Hz, stream %.6g Hz, %s\n",
+    (void)printf("axistwin-emulator: node %u on %s, %.6g Hz, stream %.6g Hz, %s%s\n",
                  (unsigned)options->node, bus->name, 1.0 / options->period,
                  1.0 / (options->period * options->stream_decimation),
-                 options->simulated ? "simulated time" : "real time");
+                 options->simulated ? "simulated time" : "real time", modbus->name);
     (void)fflush(stdout);
 
     if (options->simulated) {
@@ -116,6 +119,7 @@ static void run(const axt_emulator_options *options, axt_node *node, axt_emulato
 
 int main(int argc, char **argv) {
     static axt_emulator_bus bus;
+    static axt_emulator_modbus modbus;
     static axt_emulated_axis axis;
     static axt_node node;
     axt_emulator_options options;
@@ -138,8 +142,12 @@ int main(int argc, char **argv) {
     const axt_status status = start_node(&options, &axis, bus.can, &node);
     int result = EXIT_USAGE;
     if (status == AXT_OK) {
-        run(&options, &node, &bus);
-        result = EXIT_FINE;
+        result = EXIT_BUS;
+        if (axt_emulator_modbus_open(&modbus, &options, &node)) {
+            run(&options, &node, &bus, &modbus);
+            axt_emulator_modbus_close(&modbus);
+            result = EXIT_FINE;
+        }
     } else {
         (void)fprintf(stderr,
                       "axistwin-emulator: axis, period and encoders do not go together: %s\n",

@@ -21,6 +21,9 @@ static const char usage[] =
     "  --bit-rate BITS[,DATA]  frames take the time of a bus of BITS/s, DATA/s in the data phase\n"
     "                        of FD frames; 0: what the carrier takes (default: 1000000,5000000,\n"
     "                        but 0 with --simulated on pty and tcp)\n"
+    "  --modbus WHERE        serve the registers of registers.csv, too; up to 4 times:\n"
+    "                        tcp:[HOST:]PORT (default host: 127.0.0.1; port 0: any), or\n"
+    "                        rtu:DEVICE[,BITS[,N|E|O]] (default: 19200,E)\n"
     "  --node ID             node id, 1 to 126 (default: 1)\n"
     "drive\n"
     "  --rate HZ             of the control loop (default: 20000), or\n"
@@ -55,6 +58,7 @@ static const char usage[] =
 enum {
     BUS = 256,
     BIT_RATE,
+    MODBUS,
     NODE,
     RATE,
     PERIOD,
@@ -80,6 +84,7 @@ enum {
 static const struct option long_options[] = {
     {"bus", required_argument, NULL, BUS},
     {"bit-rate", required_argument, NULL, BIT_RATE},
+    {"modbus", required_argument, NULL, MODBUS},
     {"node", required_argument, NULL, NODE},
     {"rate", required_argument, NULL, RATE},
     {"period", required_argument, NULL, PERIOD},
@@ -240,6 +245,14 @@ static bool read_one(int option, axt_emulator_options *options, double *stream_r
         break;
     case BIT_RATE:
         fine = read_bit_rates("bit-rate", text, &options->bit_rates);
+        break;
+    case MODBUS:
+        fine = options->modbus_count < AXT_EMULATOR_MODBUS_MAX ||
+               complain("modbus", "to be given at most 4 times");
+        if (fine) {
+            options->modbus[options->modbus_count] = text;
+            options->modbus_count++;
+        }
         break;
     case NODE:
         fine = read_integer("node", text, 1, AXT_NODE_ID_MAX, &integer);

@@ -9,9 +9,14 @@
 #include "axt_can_pace.h"
 #include "axt_excitation.h"
 
+enum { AXT_EMULATOR_MODBUS_MAX = 4 }; /* servers */
+
 typedef struct {
     const char *bus;             /* INTERFACE, pty, pty:LINK or tcp:[HOST:]PORT */
     axt_can_bit_rates bit_rates; /* of the bus; nominal 0: as fast as the carrier */
+    /* tcp:[HOST:]PORT or rtu:DEVICE[,BITS[,PARITY]] each */
+    const char *modbus[AXT_EMULATOR_MODBUS_MAX];
+    uint32_t modbus_count;
     uint8_t node;
     double period;              /* of the control loop [s] */
     uint32_t stream_decimation; /* control periods between streamed samples */

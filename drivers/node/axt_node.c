@@ -159,6 +159,16 @@ static void capture(axt_node *node, const axt_node_sample *sample) {
     }
 }
 
+static void remember(axt_node *node, const axt_node_sample *sample) {
+    const axt_history_sample kept = {
+        .n = (uint32_t)node->n,
+        .position = {sample->position[AXT_ENCODER_MOTOR], sample->position[AXT_ENCODER_TABLE]},
+        .torque = sample->torque,
+        .status_word = sample->status_word,
+    };
+    axt_history_take(&node->history, &kept);
+}
+
 void axt_node_tick(axt_node *node) {
     axt_node_sample sample = {0};
     take_order(node);
@@ -169,6 +179,7 @@ void axt_node_tick(axt_node *node) {
     learn(node, &sample, torque);
     stream(node, &sample);
     capture(node, &sample);
+    remember(node, &sample);
     node->n++;
     publish(&node->now, (uint32_t)node->n);
 }
@@ -462,6 +473,7 @@ axt_status axt_node_init(axt_node *node, const axt_node_config *config, const ax
     node->stream_decimation = config->stream_decimation;
     node->excitation = config->excitation;
     node->heartbeat_due = true;
+    axt_history_init(&node->history, config->stream_decimation);
 
     const axt_real rated = (axt_real)config->rated_torque * (axt_real)1e-3;
     node->torque_unit = rated * (axt_real)AXT_CONTRACT_MOTOR_TORQUE_SCALE * (axt_real)1e-3;

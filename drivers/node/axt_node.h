@@ -26,6 +26,7 @@
 #include "axt_can.h"
 #include "axt_encoder.h"
 #include "axt_excitation.h"
+#include "axt_history.h"
 #include "axt_ident.h"
 #include "axt_status.h"
 
@@ -135,6 +136,7 @@ typedef struct {
     uint32_t decimation; /* 0: not streaming */
     uint32_t until_next; /* control periods until the next streamed sample */
     uint16_t counter;
+    axt_history history; /* may be read from any context */
     uint32_t trace_wanted;
     axt_ident ident_copy; /* read by the background once its order is taken */
     _Atomic uint32_t now; /* n modulo 2^32 */

@@ -1,0 +1,121 @@
+#include "axt_registers.h"
+
+#include <string.h>
+
+/* Places of what can be written, from the first such register on. */
+enum {
+    WRITE_KEY = AXT_REGISTER_WRITE_KEY - AXT_REGISTER_WRITABLE_FIRST,
+    ARGUMENT = AXT_REGISTER_ARGUMENT - AXT_REGISTER_WRITABLE_FIRST,
+    CODE = AXT_REGISTER_CODE - AXT_REGISTER_WRITABLE_FIRST
+};
+
+static bool is_inside(uint32_t address, uint32_t count, uint32_t first, uint32_t size) {
+    return address >= first && address + count <= first + size;
+}
+
+static bool can_be_read(uint32_t address, uint32_t count) {
+    for (uint32_t i = 0; i < AXT_REGISTER_BLOCKS; i++) {
+        if (is_inside(address, count, axt_register_blocks[i].first, axt_register_blocks[i].count)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool is_write_key(const axt_modbus_request *request) {
+    return request->write_address == AXT_REGISTER_WRITE_KEY && request->write_count == 1;
+}
+
+/* The key goes by itself: a request that writes more needs it to have been turned before. */
+static bool can_be_written(const axt_registers_client *client, const axt_modbus_request *request) {
+    if (is_write_key(request)) {
+        return true;
+    }
+    return client->lock == AXT_REGISTERS_ENABLED &&
+           is_inside(request->write_address, request->write_count, AXT_REGISTER_ARGUMENT,
+                     AXT_REGISTER_WRITABLE_FIRST + AXT_REGISTER_WRITABLE_COUNT -
+                         AXT_REGISTER_ARGUMENT);
+}
+
+static void turn_key(axt_registers_client *client, uint16_t key) {
+    if (key == AXT_REGISTERS_KEY_FIRST) {
+        client->lock = AXT_REGISTERS_KEY_IN;
+    } else if (key == AXT_REGISTERS_KEY_SECOND && client->lock == AXT_REGISTERS_KEY_IN) {
+        client->lock = AXT_REGISTERS_ENABLED;
+    } else {
+        client->lock = AXT_REGISTERS_LOCKED;
+    }
+}
+
+static axt_modbus_exception write(const axt_registers_port *port, axt_registers_client *client,
+                                  const axt_modbus_request *request) {
+    const uint32_t first = request->write_address - (uint32_t)AXT_REGISTER_WRITABLE_FIRST;
+    for (uint32_t i = 0; i < request->write_count; i++) {
+        client->written[first + i] = axt_modbus_written(request, i);
+    }
+    if (is_write_key(request)) {
+        turn_key(client, client->written[WRITE_KEY]);
+    }
+    if (!is_inside(AXT_REGISTER_CODE, 1, request->write_address, request->write_count)) {
+        return AXT_MODBUS_OK;
+    }
+    const uint32_t argument =
+        (uint32_t)client->written[ARGUMENT] << 16 | client->written[ARGUMENT + 1];
+    return port->command(port->context, client->written[CODE], argument, &client->result);
+}
+
+static void read(const axt_registers_port *port, const axt_registers_client *client,
+                 uint16_t *registers) {
+    port->snapshot(port->context, registers);
+    memcpy(registers + AXT_REGISTER_WRITABLE_FIRST, client->written, sizeof client->written);
+    registers[AXT_REGISTER_RESULT] = client->result;
+    registers[AXT_REGISTER_WRITE_ENABLED] = (client->lock == AXT_REGISTERS_ENABLED) ? 1 : 0;
+}
+
+void axt_registers_expire(axt_registers_client *client, uint32_t now) {
+    if (now - client->since > AXT_REGISTERS_ENABLED_US) {
+        client->lock = AXT_REGISTERS_LOCKED;
+    }
+}
+
+axt_modbus_exception axt_registers_serve(const axt_registers_port *port,
+                                         axt_registers_client *client,
+                                         const axt_modbus_request *request, uint32_t now,
+                                         uint16_t registers[AXT_REGISTER_END]) {
+    axt_registers_expire(client, now);
+    if (client->lock == AXT_REGISTERS_KEY_IN && !is_write_key(request)) {
+        client->lock = AXT_REGISTERS_LOCKED; /* the second key has to come at once */
+    }
+    const bool writes = request->write_count > 0;
+    const bool reads = request->read_count > 0;
+    if ((writes && !can_be_written(client, request)) ||
+        (reads && !can_be_read(request->read_address, request->read_count))) {
+        return AXT_MODBUS_ILLEGAL_ADDRESS;
+    }
+    if (writes) {
+        client->since = now;
+        const axt_modbus_exception failed = write(port, client, request);
+        if (failed != AXT_MODBUS_OK) {
+            return failed;
+        }
+    }
+    if (reads) {
+        read(port, client, registers);
+    }
+    return AXT_MODBUS_OK;
+}
+
+void axt_registers_put_uint32(uint16_t *registers, uint32_t address, uint32_t value) {
+    registers[address] = (uint16_t)(value >> 16);
+    registers[address + 1] = (uint16_t)value;
+}
+
+void axt_registers_put_int32(uint16_t *registers, uint32_t address, int32_t value) {
+    axt_registers_put_uint32(registers, address, (uint32_t)value);
+}
+
+void axt_registers_put_float(uint16_t *registers, uint32_t address, float value) {
+    uint32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    axt_registers_put_uint32(registers, address, bits);
+}

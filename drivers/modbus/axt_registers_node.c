@@ -1,0 +1,161 @@
+#include "axt_registers_node.h"
+
+#include <string.h>
+
+#include "axt_contract.h"
+#include "axt_node_command.h"
+
+enum { HISTORY = AXT_REGISTER_HISTORY_TORQUE_LENGTH };
+_Static_assert((int)HISTORY <= (int)AXT_HISTORY_READ_MAX,
+               "more registers than can be read at once");
+
+static uint32_t count_of(const _Atomic uint32_t *counter) {
+    return atomic_load_explicit(counter, memory_order_relaxed);
+}
+
+static void show_identity(const axt_node *node, uint16_t *registers) {
+    const axt_node_config *config = &node->config;
+    registers[AXT_REGISTER_NODE_ID] = config->id;
+    axt_registers_put_uint32(registers, AXT_REGISTER_FIRMWARE, AXT_NODE_FIRMWARE);
+    axt_registers_put_float(registers, AXT_REGISTER_CONTROL_PERIOD, (float)config->control_period);
+    axt_registers_put_uint32(registers, AXT_REGISTER_RATED_TORQUE, config->rated_torque);
+    axt_registers_put_uint32(registers, AXT_REGISTER_MOTOR_RESOLUTION,
+                             config->counts_per_turn[AXT_ENCODER_MOTOR]);
+    axt_registers_put_uint32(registers, AXT_REGISTER_TABLE_RESOLUTION,
+                             config->counts_per_turn[AXT_ENCODER_TABLE]);
+}
+
+static void show_counters(const axt_node *node, uint16_t *registers) {
+    axt_registers_put_uint32(registers, AXT_REGISTER_OVERRUNS, count_of(&node->overruns));
+    axt_registers_put_uint32(registers, AXT_REGISTER_LOST_SAMPLES, count_of(&node->lost));
+    axt_registers_put_uint32(registers, AXT_REGISTER_REJECTED_SAMPLES, count_of(&node->rejected));
+}
+
+static void show_axis(uint16_t *registers, uint32_t first, const axt_axis *axis,
+                      const axt_modal *modal) {
+    const axt_real values[] = {axis->I1,  axis->I2,  axis->B,    axis->K,
+                               modal->wn, modal->wd, modal->zeta};
+    for (uint32_t i = 0; i < sizeof values / sizeof values[0]; i++) {
+        axt_registers_put_float(registers, first + 2 * i, (float)values[i]);
+    }
+}
+
+static void show_estimate(const axt_node *node, uint16_t *registers) {
+    const axt_estimate *found = &node->estimate;
+    registers[AXT_REGISTER_ESTIMATE_SEQUENCE] = node->estimate_sequence;
+    registers[AXT_REGISTER_ESTIMATE_VALID] = (uint16_t)found->valid;
+    axt_registers_put_uint32(registers, AXT_REGISTER_ESTIMATE_SAMPLES, found->samples);
+    show_axis(registers, AXT_REGISTER_ESTIMATE_I1, &found->axis, &found->modal);
+    show_axis(registers, AXT_REGISTER_ERROR_I1, &found->axis_error, &found->modal_error);
+}
+
+/* Mean speed [rad/s] of an encoder between two samples; its counts may wrap around. */
+static float speed(const axt_node *node, const axt_history_sample *samples, uint32_t encoder) {
+    const int32_t counts =
+        (int32_t)((uint32_t)samples[0].position[encoder] - (uint32_t)samples[1].position[encoder]);
+    const axt_real turns = (axt_real)counts / (axt_real)node->config.counts_per_turn[encoder];
+    const axt_real time = (axt_real)(samples[0].n - samples[1].n) * node->config.control_period;
+    return (float)(turns * (axt_real)6.28318530717958648 / time);
+}
+
+static void show_state(const axt_node *node, const axt_history_sample *samples, uint32_t count,
+                       uint16_t *registers) {
+    if (count > 0) {
+        registers[AXT_REGISTER_STATUS_WORD] = samples->status_word;
+        axt_registers_put_uint32(registers, AXT_REGISTER_SAMPLE_COUNTER, samples->n);
+        axt_registers_put_int32(registers, AXT_REGISTER_MOTOR_POSITION,
+                                samples->position[AXT_ENCODER_MOTOR]);
+        axt_registers_put_int32(registers, AXT_REGISTER_TABLE_POSITION,
+                                samples->position[AXT_ENCODER_TABLE]);
+        registers[AXT_REGISTER_TORQUE] = (uint16_t)samples->torque;
+    }
+    if (count > 1) {
+        axt_registers_put_float(registers, AXT_REGISTER_MOTOR_SPEED,
+                                speed(node, samples, AXT_ENCODER_MOTOR));
+        axt_registers_put_float(registers, AXT_REGISTER_TABLE_SPEED,
+                                speed(node, samples, AXT_ENCODER_TABLE));
+    }
+}
+
+static void show_history(const axt_node *node, const axt_history_sample *samples, uint32_t count,
+                         uint16_t *registers) {
+    registers[AXT_REGISTER_HISTORY_COUNT] = (uint16_t)count;
+    axt_registers_put_uint32(registers, AXT_REGISTER_HISTORY_DECIMATION,
+                             (count > 1) ? samples[0].n - samples[1].n
+                                         : axt_history_decimation(&node->history));
+    axt_registers_put_uint32(registers, AXT_REGISTER_HISTORY_COUNTER,
+                             (count > 0) ? samples[0].n : 0);
+    for (uint32_t i = 0; i < count; i++) {
+        axt_registers_put_int32(registers, AXT_REGISTER_HISTORY_MOTOR_POSITION + 2 * i,
+                                samples[i].position[AXT_ENCODER_MOTOR]);
+        axt_registers_put_int32(registers, AXT_REGISTER_HISTORY_TABLE_POSITION + 2 * i,
+                                samples[i].position[AXT_ENCODER_TABLE]);
+        registers[AXT_REGISTER_HISTORY_TORQUE + i] = (uint16_t)samples[i].torque;
+        registers[AXT_REGISTER_HISTORY_STATUS_WORD + i] = samples[i].status_word;
+    }
+}
+
+static void snapshot(void *context, uint16_t registers[AXT_REGISTER_END]) {
+    axt_registers_node *view = context;
+    axt_history_sample samples[HISTORY];
+    const uint32_t count = axt_history_read(&view->node->history, samples, HISTORY);
+    memcpy(registers, axt_register_constants, sizeof axt_register_constants);
+    show_identity(view->node, registers);
+    show_state(view->node, samples, count, registers);
+    show_counters(view->node, registers);
+    show_estimate(view->node, registers);
+    show_history(view->node, samples, count, registers);
+    view->sequence++;
+    registers[AXT_REGISTER_SEQUENCE] = view->sequence;
+    registers[AXT_REGISTER_SEQUENCE_END] = view->sequence;
+    registers[AXT_REGISTER_HISTORY_SEQUENCE] = view->sequence;
+}
+
+static axt_node_result set_history(axt_node *node, uint32_t decimation) {
+    if (decimation < 1) {
+        return AXT_NODE_OUT_OF_RANGE;
+    }
+    axt_history_set_decimation(&node->history, decimation);
+    return AXT_NODE_DONE;
+}
+
+/* A command of the CAN contract, as the frame that would have brought it. */
+static axt_node_result execute(axt_node *node, uint16_t code, uint32_t argument) {
+    axt_can_frame frame = {.id = AXT_CONTRACT_COMMAND_FRAME_ID + node->config.id,
+                           .length = AXT_CONTRACT_COMMAND_LENGTH};
+    if (code > UINT8_MAX) {
+        return AXT_NODE_UNKNOWN_COMMAND;
+    }
+    frame.data[0] = (uint8_t)code;
+    for (uint32_t i = 0; i < 4; i++) {
+        frame.data[4 + i] = (uint8_t)(argument >> (8 * i));
+    }
+    return axt_node_execute(node, &frame);
+}
+
+static axt_modbus_exception command(void *context, uint16_t code, uint32_t argument,
+                                    uint16_t *result) {
+    axt_node *node = ((axt_registers_node *)context)->node;
+    if (!axt_node_can_order(node)) {
+        *result = AXT_REGISTERS_NOT_NOW;
+        return AXT_MODBUS_BUSY;
+    }
+    const axt_node_result done = (code == AXT_REGISTERS_HISTORY_COMMAND)
+                                     ? set_history(node, argument)
+                                     : execute(node, code, argument);
+    *result = (uint16_t)done;
+    switch (done) {
+    case AXT_NODE_DONE:
+        return AXT_MODBUS_OK;
+    case AXT_NODE_UNKNOWN_COMMAND:
+    case AXT_NODE_OUT_OF_RANGE:
+        return AXT_MODBUS_ILLEGAL_VALUE;
+    default:
+        return AXT_MODBUS_REFUSED;
+    }
+}
+
+axt_registers_port axt_registers_node_port(axt_registers_node *view, axt_node *node) {
+    *view = (axt_registers_node){.node = node};
+    return (axt_registers_port){.context = view, .snapshot = snapshot, .command = command};
+}

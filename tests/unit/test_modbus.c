@@ -1,0 +1,423 @@
+/* Requests, registers and the serial line, against a node that runs. Frames are written out by hand
+ * from the standard's own figures (application protocol V1.1b3, serial line V1.02). */
+#include "axt_modbus_rtu.h"
+#include "axt_registers_node.h"
+#include "check.h"
+#include "node_rig.h"
+
+enum { NOW = 1000000, SILENCE = 2000 }; /* [us] */
+
+typedef struct {
+    rig *r;
+    axt_registers_node view;
+    axt_registers_port port;
+    axt_registers_client client;
+    axt_modbus_rtu rtu;
+    uint32_t now;
+    uint16_t registers[AXT_REGISTER_END];
+    uint8_t answer[AXT_MODBUS_LINE_FRAME_MAX];
+    uint32_t length;
+} bench;
+
+static bench *bench_new(void) {
+    static bench b;
+    b = (bench){.r = rig_running(), .now = NOW};
+    b.port = axt_registers_node_port(&b.view, &b.r->node);
+    axt_modbus_rtu_init(&b.rtu, &b.port, RIG_ID, 115200, false);
+    return &b;
+}
+
+static void bench_end(bench *b) {
+    free(b->r);
+}
+
+/* A PDU, as if over TCP. */
+static axt_modbus_exception ask(bench *b, const uint8_t *pdu, uint32_t length) {
+    axt_modbus_request request;
+    axt_modbus_exception exception = axt_modbus_parse(pdu, length, &request);
+    if (exception == AXT_MODBUS_OK) {
+        exception = axt_registers_serve(&b->port, &b->client, &request, b->now, b->registers);
+    }
+    b->length = axt_modbus_answer(&request, exception, b->registers, b->answer);
+    return exception;
+}
+
+#define ASK(b, ...)                                                                                \
+    ask(b, (const uint8_t[]){__VA_ARGS__}, (uint32_t)sizeof((const uint8_t[]){__VA_ARGS__}))
+
+static axt_modbus_exception write_one(bench *b, uint16_t address, uint16_t value) {
+    return ASK(b, 6, (uint8_t)(address >> 8), (uint8_t)address, (uint8_t)(value >> 8),
+               (uint8_t)value);
+}
+
+static uint32_t read_uint32(bench *b, uint16_t address) {
+    CHECK_EQUAL(ASK(b, 3, (uint8_t)(address >> 8), (uint8_t)address, 0, 2), AXT_MODBUS_OK);
+    CHECK_EQUAL(b->length, 6);
+    return (uint32_t)b->answer[2] << 24 | (uint32_t)b->answer[3] << 16 |
+           (uint32_t)b->answer[4] << 8 | b->answer[5];
+}
+
+static uint16_t read_uint16(bench *b, uint16_t address) {
+    CHECK_EQUAL(ASK(b, 4, (uint8_t)(address >> 8), (uint8_t)address, 0, 1), AXT_MODBUS_OK);
+    return (uint16_t)(b->answer[2] << 8 | b->answer[3]);
+}
+
+static void unlock(bench *b) {
+    CHECK_EQUAL(write_one(b, AXT_REGISTER_WRITE_KEY, 0x4158), AXT_MODBUS_OK);
+    CHECK_EQUAL(write_one(b, AXT_REGISTER_WRITE_KEY, 0x5457), AXT_MODBUS_OK);
+    CHECK_EQUAL(read_uint16(b, AXT_REGISTER_WRITE_ENABLED), 1);
+}
+
+/* Argument and code in one request of function 16. */
+static axt_modbus_exception command(bench *b, uint16_t code, uint32_t argument) {
+    rig_run(b->r, 2); /* whatever was ordered before has been taken */
+    return ASK(b, 16, 1, 1, 0, 3, 6, (uint8_t)(argument >> 24), (uint8_t)(argument >> 16),
+               (uint8_t)(argument >> 8), (uint8_t)argument, (uint8_t)(code >> 8), (uint8_t)code);
+}
+
+CASE(the_identity_is_that_of_the_node_the_more_significant_register_first) {
+    bench *b = bench_new();
+    CHECK_EQUAL(read_uint32(b, 0), 0x41585457);
+    CHECK_EQUAL(read_uint32(b, AXT_REGISTER_TEST_FLOAT), 0x40490FDB);
+    CHECK_EQUAL(read_uint16(b, AXT_REGISTER_NODE_ID), RIG_ID);
+    CHECK_EQUAL(read_uint32(b, AXT_REGISTER_RATED_TORQUE), rig_rated);
+    CHECK_EQUAL(read_uint32(b, AXT_REGISTER_CONTROL_PERIOD), bits_of((float)rig_period));
+    CHECK_EQUAL(read_uint32(b, AXT_REGISTER_MOTOR_RESOLUTION), 1048576);
+    bench_end(b);
+}
+
+CASE(only_what_is_listed_can_be_read) {
+    bench *b = bench_new();
+    /* the last register of a block is there, the one after it is not */
+    for (uint32_t i = 0; i < AXT_REGISTER_BLOCKS; i++) {
+        const axt_register_block block = axt_register_blocks[i];
+        const uint32_t end = (uint32_t)block.first + block.count;
+        CHECK_EQUAL(
+            ASK(b, 3, (uint8_t)(block.first >> 8), (uint8_t)block.first, 0, (uint8_t)block.count),
+            AXT_MODBUS_OK);
+        CHECK_EQUAL(b->length, 2 + 2 * block.count);
+        CHECK_EQUAL(ASK(b, 3, (uint8_t)(end >> 8), (uint8_t)end, 0, 1), AXT_MODBUS_ILLEGAL_ADDRESS);
+        CHECK_EQUAL(ASK(b, 3, (uint8_t)((end - 1) >> 8), (uint8_t)(end - 1), 0, 2),
+                    AXT_MODBUS_ILLEGAL_ADDRESS);
+    }
+    CHECK_EQUAL(ASK(b, 3, 0xFF, 0xFF, 0, 125), AXT_MODBUS_ILLEGAL_ADDRESS);
+    CHECK_EQUAL(b->length, 2);
+    CHECK_EQUAL(b->answer[0], 0x83);
+    CHECK_EQUAL(b->answer[1], 2);
+    bench_end(b);
+}
+
+CASE(counts_and_lengths_that_cannot_be_are_refused) {
+    bench *b = bench_new();
+    unlock(b);
+    const axt_modbus_exception value = AXT_MODBUS_ILLEGAL_VALUE;
+    CHECK_EQUAL(ASK(b, 3, 0, 0, 0, 0), value);
+    CHECK_EQUAL(ASK(b, 3, 0, 0, 0, 126), value);
+    CHECK_EQUAL(ASK(b, 3, 0, 0, 0xFF, 0xFF), value);
+    CHECK_EQUAL(ASK(b, 3, 0, 0, 0), value);
+    CHECK_EQUAL(ASK(b, 3), value);
+    CHECK_EQUAL(ASK(b, 3, 0, 0, 0, 1, 0), value);
+    CHECK_EQUAL(ASK(b, 6, 1, 0, 0), value);
+    CHECK_EQUAL(ASK(b, 6, 1, 0, 0, 0, 0), value);
+    CHECK_EQUAL(ASK(b, 16, 1, 1, 0, 0, 0), value);
+    CHECK_EQUAL(ASK(b, 16, 1, 1, 0, 1, 4, 0, 0), value);    /* byte count of two registers */
+    CHECK_EQUAL(ASK(b, 16, 1, 1, 0, 2, 4, 0, 0), value);    /* values of one */
+    CHECK_EQUAL(ASK(b, 16, 1, 1, 0, 1, 2, 0, 0, 0), value); /* a byte too many */
+    CHECK_EQUAL(ASK(b, 16, 1, 1, 1, 1, 2, 0, 0), value); /* 257 registers: 2 x 257 is 2 mod 256 */
+    CHECK_EQUAL(ASK(b, 23, 0, 0, 0, 1, 1, 1, 0, 1, 2, 0), value);
+    CHECK_EQUAL(ASK(b, 23, 0, 0, 0, 126, 1, 1, 0, 1, 2, 0, 0), value);
+    for (uint32_t function = 0; function < 128; function++) {
+        const bool known =
+            function == 3 || function == 4 || function == 6 || function == 16 || function == 23;
+        CHECK_EQUAL(ASK(b, (uint8_t)function, 0, 0, 0, 1),
+                    (!known)                           ? AXT_MODBUS_ILLEGAL_FUNCTION
+                    : (function == 3 || function == 4) ? AXT_MODBUS_OK
+                    : (function == 6)                  ? AXT_MODBUS_ILLEGAL_ADDRESS
+                                                       : value);
+    }
+    bench_end(b);
+}
+
+CASE(an_answer_shows_one_moment) {
+    bench *b = bench_new();
+    rig_tell(b->r, AXT_CONTRACT_COMMAND_CODE_EXCITATION_ON_CHOICE, 0);
+    rig_run(b->r, 1234);
+    CHECK_EQUAL(ASK(b, 3, 0, AXT_REGISTER_SEQUENCE, 0, 52), AXT_MODBUS_OK);
+    CHECK_EQUAL(b->registers[AXT_REGISTER_SEQUENCE], b->registers[AXT_REGISTER_SEQUENCE_END]);
+    /* the axis kept a log of what it saw at every control period */
+    const uint32_t n = (uint32_t)b->registers[AXT_REGISTER_SAMPLE_COUNTER] << 16 |
+                       b->registers[AXT_REGISTER_SAMPLE_COUNTER + 1];
+    const uint32_t motor = (uint32_t)b->registers[AXT_REGISTER_MOTOR_POSITION] << 16 |
+                           b->registers[AXT_REGISTER_MOTOR_POSITION + 1];
+    CHECK_EQUAL(n % 10, 0); /* the decimation of the stream, until told otherwise */
+    CHECK(b->r->log_count - n <= 10);
+    CHECK_EQUAL((int32_t)motor, b->r->log[n].position[0]);
+    CHECK_NEAR((int16_t)b->registers[AXT_REGISTER_TORQUE] * 0.64e-4, (double)b->r->log[n].torque,
+               1e-7);
+    const double turn = 2.0 * 3.14159265358979 / 1048576;
+    const double speed =
+        (b->r->log[n].position[0] - b->r->log[n - 10].position[0]) * turn / (10 * rig_period);
+    float shown;
+    const uint32_t bits = (uint32_t)b->registers[AXT_REGISTER_MOTOR_SPEED] << 16 |
+                          b->registers[AXT_REGISTER_MOTOR_SPEED + 1];
+    memcpy(&shown, &bits, sizeof shown);
+    CHECK(fabs(speed) > 0);
+    CHECK_NEAR((double)shown, speed, 1e-5 * fabs(speed));
+    bench_end(b);
+}
+
+CASE(the_history_has_every_sample_for_whoever_reads_it_in_time) {
+    bench *b = bench_new();
+    unlock(b);
+    rig_tell(b->r, AXT_CONTRACT_COMMAND_CODE_EXCITATION_ON_CHOICE, 0);
+    CHECK_EQUAL(command(b, AXT_REGISTERS_HISTORY_COMMAND, 3), AXT_MODBUS_OK);
+    rig_run(b->r, 60);
+    uint32_t expected = 0;
+    for (uint32_t read = 0; read < 20; read++) {
+        CHECK_EQUAL(ASK(b, 3, 0, AXT_REGISTER_HISTORY_SEQUENCE, 0, 120), AXT_MODBUS_OK);
+        const uint16_t *r = b->registers;
+        CHECK_EQUAL(r[AXT_REGISTER_HISTORY_COUNT], 19);
+        CHECK_EQUAL(r[AXT_REGISTER_HISTORY_DECIMATION + 1], 3);
+        const uint32_t newest =
+            (uint32_t)r[AXT_REGISTER_HISTORY_COUNTER] << 16 | r[AXT_REGISTER_HISTORY_COUNTER + 1];
+        CHECK(read == 0 || newest == expected);
+        for (uint32_t i = 0; i < 19; i++) {
+            const uint32_t motor = (uint32_t)r[AXT_REGISTER_HISTORY_MOTOR_POSITION + 2 * i] << 16 |
+                                   r[AXT_REGISTER_HISTORY_MOTOR_POSITION + 2 * i + 1];
+            const uint32_t table = (uint32_t)r[AXT_REGISTER_HISTORY_TABLE_POSITION + 2 * i] << 16 |
+                                   r[AXT_REGISTER_HISTORY_TABLE_POSITION + 2 * i + 1];
+            const rig_period_log *was = &b->r->log[newest - 3 * i];
+            CHECK_EQUAL((int32_t)motor, was->position[0]);
+            CHECK_EQUAL((int32_t)table, was->position[1]);
+            CHECK_NEAR((int16_t)r[AXT_REGISTER_HISTORY_TORQUE + i] * 0.64e-4, (double)was->torque,
+                       1e-7);
+        }
+        rig_run(b->r, 3 * 19);
+        expected = newest + 3 * 19;
+    }
+    CHECK_EQUAL(command(b, AXT_REGISTERS_HISTORY_COMMAND, 0), AXT_MODBUS_ILLEGAL_VALUE);
+    CHECK_EQUAL(read_uint16(b, AXT_REGISTER_RESULT), AXT_NODE_OUT_OF_RANGE);
+    bench_end(b);
+}
+
+CASE(nothing_is_commanded_before_both_keys_or_after_ten_seconds) {
+    bench *b = bench_new();
+    const uint16_t on = AXT_CONTRACT_COMMAND_CODE_STREAM_START_CHOICE;
+    const uint16_t key = AXT_REGISTER_WRITE_KEY;
+    CHECK_EQUAL(command(b, on, 0), AXT_MODBUS_ILLEGAL_ADDRESS);
+    CHECK_EQUAL(write_one(b, key, 0x5457), AXT_MODBUS_OK); /* the second one first */
+    CHECK_EQUAL(command(b, on, 0), AXT_MODBUS_ILLEGAL_ADDRESS);
+    CHECK_EQUAL(write_one(b, key, 0x4158), AXT_MODBUS_OK);
+    CHECK_EQUAL(read_uint16(b, AXT_REGISTER_WRITE_ENABLED), 0); /* something in between */
+    CHECK_EQUAL(write_one(b, key, 0x5457), AXT_MODBUS_OK);
+    CHECK_EQUAL(command(b, on, 0), AXT_MODBUS_ILLEGAL_ADDRESS);
+    /* both at once, key and command at once: neither */
+    CHECK_EQUAL(ASK(b, 16, 1, 0, 0, 2, 4, 0x41, 0x58, 0x54, 0x57), AXT_MODBUS_ILLEGAL_ADDRESS);
+    CHECK(!b->r->node.streaming);
+    unlock(b);
+    CHECK_EQUAL(command(b, on, 0), AXT_MODBUS_OK);
+    CHECK(b->r->node.streaming);
+    CHECK_EQUAL(read_uint16(b, AXT_REGISTER_RESULT), 0);
+    b->now += AXT_REGISTERS_ENABLED_US;
+    CHECK_EQUAL(command(b, AXT_CONTRACT_COMMAND_CODE_STREAM_STOP_CHOICE, 0), AXT_MODBUS_OK);
+    b->now += AXT_REGISTERS_ENABLED_US + 1;
+    CHECK_EQUAL(command(b, on, 0), AXT_MODBUS_ILLEGAL_ADDRESS);
+    CHECK(!b->r->node.streaming);
+    unlock(b);
+    CHECK_EQUAL(write_one(b, key, 0), AXT_MODBUS_OK); /* given back */
+    CHECK_EQUAL(command(b, on, 0), AXT_MODBUS_ILLEGAL_ADDRESS);
+    bench_end(b);
+}
+
+CASE(a_command_that_is_refused_says_why) {
+    bench *b = bench_new();
+    unlock(b);
+    CHECK_EQUAL(command(b, 200, 0), AXT_MODBUS_ILLEGAL_VALUE);
+    CHECK_EQUAL(read_uint16(b, AXT_REGISTER_RESULT), AXT_NODE_UNKNOWN_COMMAND);
+    CHECK_EQUAL(command(b, 0x101, 0), AXT_MODBUS_ILLEGAL_VALUE); /* not Identify */
+    CHECK_EQUAL(command(b, AXT_CONTRACT_COMMAND_CODE_TRACE_UPLOAD_CHOICE, 0), AXT_MODBUS_REFUSED);
+    CHECK_EQUAL(read_uint16(b, AXT_REGISTER_RESULT), AXT_NODE_NOT_NOW);
+    CHECK_EQUAL(command(b, AXT_CONTRACT_COMMAND_CODE_EXCITATION_RMS_CHOICE, bits_of(0.25f)),
+                AXT_MODBUS_OK);
+    CHECK_NEAR(b->r->node.excitation.rms, 0.25, 0);
+    CHECK_EQUAL(command(b, AXT_CONTRACT_COMMAND_CODE_EXCITATION_RMS_CHOICE, bits_of(NAN)),
+                AXT_MODBUS_ILLEGAL_VALUE);
+    CHECK_NEAR(b->r->node.excitation.rms, 0.25, 0);
+    /* while the tick has yet to take an order */
+    CHECK_EQUAL(command(b, AXT_CONTRACT_COMMAND_CODE_STREAM_START_CHOICE, 0), AXT_MODBUS_OK);
+    CHECK_EQUAL(write_one(b, AXT_REGISTER_CODE, AXT_CONTRACT_COMMAND_CODE_STREAM_STOP_CHOICE),
+                AXT_MODBUS_BUSY);
+    CHECK(b->r->node.streaming);
+    bench_end(b);
+}
+
+CASE(function_23_writes_first_and_reads_what_came_of_it) {
+    bench *b = bench_new();
+    unlock(b);
+    rig_run(b->r, 2);
+    /* argument 7, code ExcitationSeed, and back come argument, code, result, enabled */
+    CHECK_EQUAL(ASK(b, 23, 1, 1, 0, 5, 1, 1, 0, 3, 6, 0, 0, 0, 7, 0,
+                    AXT_CONTRACT_COMMAND_CODE_EXCITATION_SEED_CHOICE),
+                AXT_MODBUS_OK);
+    const uint8_t expected[] = {
+        23, 10, 0, 0, 0, 7, 0, AXT_CONTRACT_COMMAND_CODE_EXCITATION_SEED_CHOICE, 0, 0, 0, 1};
+    CHECK_EQUAL(b->length, sizeof expected);
+    CHECK(memcmp(b->answer, expected, sizeof expected) == 0);
+    CHECK_EQUAL(b->r->node.excitation.seed, 7);
+    bench_end(b);
+}
+
+/* ---- The serial line ---- */
+
+static void hear(bench *b, const uint8_t *bytes, uint32_t length) {
+    for (uint32_t i = 0; i < length; i++) {
+        axt_modbus_rtu_receive(&b->rtu, bytes[i], b->now);
+        b->now += 96; /* a character at 115200 bit/s */
+    }
+}
+
+/* Looks for a request until silence must have ended it. */
+static uint32_t look(bench *b) {
+    uint32_t length = 0;
+    for (uint32_t i = 0; i < SILENCE / 500 && length == 0; i++) {
+        b->now += 500;
+        length = axt_modbus_rtu_poll(&b->rtu, b->now, b->answer);
+    }
+    return length;
+}
+
+/* Reading MotorPosition, as docs/registers.md has it; CRC by that page's generator. */
+static const uint8_t request_of_the_page[] = {1, 3, 0, 0x24, 0, 2, 0x84, 0x00};
+
+CASE(a_request_on_the_line_is_answered_after_the_silence_and_no_sooner) {
+    bench *b = bench_new();
+    b->rtu.unit = 1;
+    rig_run(b->r, 100);
+    hear(b, request_of_the_page, sizeof request_of_the_page);
+    CHECK_EQUAL(axt_modbus_rtu_poll(&b->rtu, b->now, b->answer), 0);
+    const uint32_t length = look(b);
+    CHECK_EQUAL(length, 9);
+    CHECK_EQUAL(b->answer[0], 1);
+    CHECK_EQUAL(b->answer[1], 3);
+    CHECK_EQUAL(b->answer[2], 4);
+    uint8_t sealed[9];
+    memcpy(sealed, b->answer, 7);
+    CHECK_EQUAL(axt_modbus_line_seal(sealed, 7), 9);
+    CHECK(memcmp(sealed, b->answer, 9) == 0);
+    CHECK_EQUAL(look(b), 0);
+    bench_end(b);
+}
+
+CASE(any_single_bit_error_is_silence) {
+    bench *b = bench_new();
+    b->rtu.unit = 1;
+    for (uint32_t bit = 0; bit < 8 * sizeof request_of_the_page; bit++) {
+        uint8_t broken[sizeof request_of_the_page];
+        memcpy(broken, request_of_the_page, sizeof broken);
+        broken[bit / 8] ^= (uint8_t)(1 << bit % 8);
+        hear(b, broken, sizeof broken);
+        CHECK_EQUAL(look(b), 0);
+    }
+    hear(b, request_of_the_page, sizeof request_of_the_page);
+    CHECK_EQUAL(look(b), 9);
+    bench_end(b);
+}
+
+CASE(silence_parts_frames_and_nothing_else_does) {
+    bench *b = bench_new();
+    b->rtu.unit = 1;
+    /* its CRC does not end in 00: such a frame is right without its last byte, too */
+    uint8_t request[8] = {1, 3, 0, 0x20, 0, 2};
+    const uint32_t whole = axt_modbus_line_seal(request, 6);
+    CHECK(request[7] != 0);
+    for (uint32_t cut = 1; cut < whole; cut++) {
+        hear(b, request, cut);
+        b->now += SILENCE; /* nobody looks meanwhile: the interrupt itself saw the silence */
+        hear(b, request + cut, whole - cut);
+        CHECK_EQUAL(look(b), 0);
+        hear(b, request, cut);
+        b->now += 1000; /* less than 3.5 characters */
+        CHECK_EQUAL(axt_modbus_rtu_poll(&b->rtu, b->now, b->answer), 0);
+        hear(b, request + cut, whole - cut);
+        CHECK_EQUAL(look(b), 9);
+    }
+    /* two requests, silence between them, before anybody looks */
+    hear(b, request, whole);
+    b->now += SILENCE;
+    hear(b, request, whole);
+    CHECK_EQUAL(axt_modbus_rtu_poll(&b->rtu, b->now, b->answer), 9);
+    CHECK_EQUAL(look(b), 9);
+    CHECK_EQUAL(look(b), 0);
+    bench_end(b);
+}
+
+CASE(noise_longer_than_a_frame_or_the_ring_ends_with_the_silence) {
+    bench *b = bench_new();
+    b->rtu.unit = 1;
+    for (uint32_t length = 1; length < 2000; length += 37) {
+        for (uint32_t i = 0; i < length; i++) {
+            hear(b, (const uint8_t[]){(uint8_t)(i * i + length)}, 1);
+        }
+        CHECK_EQUAL(look(b), 0);
+        hear(b, request_of_the_page, sizeof request_of_the_page);
+        CHECK_EQUAL(look(b), 9);
+    }
+    bench_end(b);
+}
+
+static uint32_t tell(bench *b, uint8_t unit, const uint8_t *pdu, uint32_t length) {
+    uint8_t frame[AXT_MODBUS_LINE_FRAME_MAX];
+    frame[0] = unit;
+    memcpy(frame + 1, pdu, length);
+    hear(b, frame, axt_modbus_line_seal(frame, length + 1));
+    rig_run(b->r, 2);
+    return look(b);
+}
+
+CASE(other_units_and_answers_are_passed_over_and_broadcasts_not_answered) {
+    bench *b = bench_new();
+    const uint8_t first[] = {6, 1, 0, 0x41, 0x58};
+    const uint8_t second[] = {6, 1, 0, 0x54, 0x57};
+    const uint8_t start[] = {6, 1, 3, 0, AXT_CONTRACT_COMMAND_CODE_STREAM_START_CHOICE};
+    CHECK_EQUAL(tell(b, RIG_ID + 1, first, 5), 0);
+    CHECK_EQUAL(b->rtu.client.lock, AXT_REGISTERS_LOCKED);
+    CHECK_EQUAL(tell(b, RIG_ID, (const uint8_t[]){0x83, 2}, 2), 0);
+    CHECK_EQUAL(tell(b, AXT_MODBUS_BROADCAST, first, 5), 0);
+    CHECK_EQUAL(tell(b, AXT_MODBUS_BROADCAST, second, 5), 0);
+    CHECK_EQUAL(b->rtu.client.lock, AXT_REGISTERS_ENABLED);
+    CHECK_EQUAL(tell(b, AXT_MODBUS_BROADCAST, start, 5), 0);
+    CHECK(b->r->node.streaming);
+    bench_end(b);
+}
+
+CASE(an_eager_line_needs_no_silence) {
+    bench *b = bench_new();
+    axt_modbus_rtu_init(&b->rtu, &b->port, 1, 115200, true);
+    const uint32_t whole = sizeof request_of_the_page;
+    for (uint32_t i = 0; i < 3; i++) {
+        hear(b, request_of_the_page, whole - 1);
+        b->now += 30000; /* a lump of bytes that was held back */
+        CHECK_EQUAL(axt_modbus_rtu_poll(&b->rtu, b->now, b->answer), 0);
+        hear(b, request_of_the_page + whole - 1, 1);
+        CHECK_EQUAL(axt_modbus_rtu_poll(&b->rtu, b->now, b->answer), 9);
+    }
+    bench_end(b);
+}
+
+int main(void) {
+    RUN(the_identity_is_that_of_the_node_the_more_significant_register_first);
+    RUN(only_what_is_listed_can_be_read);
+    RUN(counts_and_lengths_that_cannot_be_are_refused);
+    RUN(an_answer_shows_one_moment);
+    RUN(the_history_has_every_sample_for_whoever_reads_it_in_time);
+    RUN(nothing_is_commanded_before_both_keys_or_after_ten_seconds);
+    RUN(a_command_that_is_refused_says_why);
+    RUN(function_23_writes_first_and_reads_what_came_of_it);
+    RUN(a_request_on_the_line_is_answered_after_the_silence_and_no_sooner);
+    RUN(any_single_bit_error_is_silence);
+    RUN(silence_parts_frames_and_nothing_else_does);
+    RUN(noise_longer_than_a_frame_or_the_ring_ends_with_the_silence);
+    RUN(other_units_and_answers_are_passed_over_and_broadcasts_not_answered);
+    RUN(an_eager_line_needs_no_silence);
+    return REPORT();
+}
