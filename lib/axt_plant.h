@@ -37,38 +37,43 @@ typedef struct {
     axt_real fraction_low; /* digits of the fraction beyond the number type */
 } axt_motion;
 
-/* The plant. Its fields are its own business; read it with axt_plant_read(). */
+/* What a step changes: see axt_plant.c. The twist's are in units of `twist_unit`. */
 typedef struct {
-    /* Newmark's step for the twist, in units of the step: see axt_plant.c */
-    axt_real predict_twist;
-    axt_real predict_rate;
-    axt_real correct_rate;
-    axt_real gain_torque;
-    axt_real gain_damping;
-    axt_real gain_stiffness;
-    /* state */
-    axt_real twist;       /* q [rad] */
-    axt_real twist_rate;  /* Dt q' [rad] */
-    axt_real twist_force; /* alpha Dt^2 q'' [rad] */
+    axt_real twist_ahead; /* P */
+    axt_real rate_ahead;  /* R */
+    axt_real change;      /* A */
     axt_real torque;      /* [N m] */
     axt_real impulse;     /* sum of the torque samples, two words [N m] */
     axt_real impulse_low;
     axt_real travel; /* sum of those sums modulo one turn, two words [N m] */
     axt_real travel_low;
-    axt_real half_turn; /* half a turn in units of `travel` [N m] */
+} axt_plant_state;
+
+/* The plant. Its fields are its own business; read it with axt_plant_read(). */
+typedef struct {
+    /* one step: see axt_plant.c */
+    axt_real gain_torque;
+    axt_real gain_rate;
+    axt_real gain_twist;
+    axt_real half_turn; /* half a turn in units of `travel` [N m]: the limit of what follows */
+    axt_real shift;     /* adding it rounds to the grid of `impulse` and `travel` */
+    axt_plant_state state;
     int32_t turns;
     uint32_t rejected; /* torque samples refused, wrapping around */
     /* reading the state back */
     axt_real alpha;
-    axt_real delta;
-    axt_real steps_per_second; /* 1 / Dt [1/s] */
+    axt_real excess;           /* delta - 1/2 */
+    axt_real late;             /* 1 - delta */
+    axt_real lag;              /* 1/2 + alpha - delta */
+    axt_real twist_unit;       /* [rad] */
+    axt_real twist_speed_unit; /* [rad/s] */
     axt_real travel_per_turn;  /* 1 / (2 half_turn) */
     axt_real speed_unit;       /* rigid-body speed for 1 of `impulse` [rad/s] */
     axt_real motor_share;      /* I2 / (I1 + I2): the motor's share of the twist */
-    /* equilibrium, for the initial acceleration: alpha Dt^2 q'' for 1 of each */
-    axt_real force_of_torque;
-    axt_real force_of_rate;
-    axt_real force_of_twist;
+    /* equilibrium, for the initial acceleration: Dt^2 q'' for 1 of each */
+    axt_real change_of_torque;
+    axt_real change_of_rate;
+    axt_real change_of_twist;
 } axt_plant;
 
 /* The axis at rest at angle 0 with torque 0 acting: everything is zero.
@@ -80,15 +85,16 @@ axt_status axt_plant_init(axt_plant *plant, const axt_axis *axis, axt_real time_
 
 /* Puts the plant into the state `motion` with `torque` [N m] acting; the acceleration follows from
  * equilibrium (Eq. 3). AXT_ERROR_NOT_FINITE or AXT_ERROR_RANGE (torque as for axt_plant_step(),
- * speed of half a turn a step or more, a twist beyond 1000 rad) leave the plant as it was. */
+ * speed of half a turn a step or more, a twist beyond 1000 rad or as much in one step) leave the
+ * plant as it was. */
 axt_status axt_plant_set(axt_plant *plant, const axt_motion *motion, axt_real torque);
 
 /* One step of Newmark's method: `torque` [N m] is the torque at the end of the step, varying
- * linearly from the last one. Cost: 8 multiply-adds for the twist, 22 additions for the rigid body,
- * one comparison, no division; about 10 operations more in the steps in which the axis passes half
- * a turn. AXT_ERROR_NOT_FINITE, or AXT_ERROR_RANGE for a torque that in one step would take a
- * resting axis to more than half a turn a step: counted in `rejected`, and the plant does not move.
- * Below that the speed of the rigid body saturates at half a turn a step. */
+ * linearly from the last one. Cost: 3 multiply-adds and 14 additions, two comparisons, no division;
+ * a few operations more in the steps in which the axis passes half a turn. AXT_ERROR_NOT_FINITE, or
+ * AXT_ERROR_RANGE for a torque that in one step would take a resting axis to more than half a turn
+ * a step: counted in `rejected`, and the plant does not move. Below that the speed of the rigid
+ * body saturates at half a turn a step, and the twist between 1024 and 2048 rad. */
 axt_status axt_plant_step(axt_plant *plant, axt_real torque);
 
 /* The present motion. Cost: about 25 operations. */
