@@ -31,6 +31,7 @@ void axt_ident_reset(axt_ident *ident) {
         ident->residual[i] = AXT_R(0);
     }
     ident->weight = AXT_R(0);
+    ident->samples = 0;
     axt_ident_gap(ident);
 }
 
@@ -58,6 +59,7 @@ static axt_status learn(axt_ident *ident, axt_status sampled, const axt_equation
     const axt_real body = ident->rls.innovation[row + 1];
     const axt_real certainty = ident->rls.certainty;
     const axt_real keep = ident->rls.forgetting;
+    ident->samples += (ident->samples < UINT32_MAX) ? 1U : 0U;
     ident->residual[0] = keep * ident->residual[0] + twist * twist * certainty;
     ident->residual[1] = keep * ident->residual[1] + body * body * certainty;
     ident->residual[2] = keep * ident->residual[2] + twist * body * certainty;
@@ -185,9 +187,9 @@ static uint32_t valid_if(uint32_t flag, axt_real value, axt_real error) {
 }
 
 axt_status axt_ident_result(const axt_ident *ident, axt_estimate *estimate) {
-    axt_estimate found = {.samples = ident->rls.updates};
+    axt_estimate found = {.samples = ident->samples};
     *estimate = found;
-    if (ident->rls.updates < SETTLED_UPDATES ||
+    if (ident->samples < SETTLED_UPDATES ||
         !(ident->weight > AXT_R(0.5) * AXT_R(SETTLED_UPDATES))) {
         return AXT_ERROR_NO_DATA;
     }

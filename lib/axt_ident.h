@@ -30,6 +30,7 @@ typedef struct {
     axt_rls rls;
     axt_real residual[3]; /* discounted sums of squares: twist, body, twist x body */
     axt_real weight;      /* discounted number of residuals */
+    uint32_t samples;     /* learned from since the last reset, saturating */
 } axt_ident;
 
 /* AXT_ERROR_RANGE / _NOT_FINITE when the settings make no sense; `ident` is then unchanged. */

@@ -2,15 +2,45 @@
 
 #include "axt_math.h"
 
-/* A sample is refused when phi' P phi and the squares of its elements add up to more: far beyond
- * anything scaled to 1, small enough that no product in the update overflows, and that D, which is
- * at least 1 / sum(phi^2), does not fall to zero. */
-#define SAMPLE_MAX (AXT_IS_DOUBLE ? 1e25 : 1e18)
+/* A sample is refused when the squares of its elements add up to more, and the factors start again
+ * when 1 + phi' P phi does: far beyond anything scaled to 1, small enough that no product in the
+ * update overflows. */
+#define SIZE_LIMIT AXT_R(1e24)
+
+/* A direction is forgotten at the full rate when a sample renews it by a sixteenth of that, or
+ * more. Less, and a direction that is seldom or weakly excited is followed late when it drifts;
+ * more, and the noise of an axis at rest wears away sooner what motion has taught. */
+#define RENEWAL 16
 
 /* Place of element (i, j), i <= j, of the upper triangle stored by columns: the same for any number
  * of inputs, so that fewer than five are five with zeros. */
 static inline uint32_t packed(uint32_t i, uint32_t j) {
     return j * (j + 1) / 2 + i;
+}
+
+/* Which update a filter takes; zero is the cheapest to ask for. */
+enum { SHAPE_5X4, SHAPE_3X2, SHAPE_OTHER };
+
+static uint8_t shape_of(uint32_t inputs, uint32_t outputs) {
+    if (inputs == 3 && outputs == 2) {
+        return SHAPE_3X2;
+    }
+    return (inputs == 5 && outputs == 4) ? SHAPE_5X4 : SHAPE_OTHER;
+}
+
+/* Where growth of D ends: a few roundings above the start, so that at the start it is not negative.
+ */
+static axt_real largest_factor(axt_real prior) {
+    return prior * (AXT_R(1) + AXT_R(16) * AXT_EPSILON);
+}
+
+static void start_factors(axt_rls *rls) {
+    for (uint32_t j = 0; j < AXT_RLS_INPUTS_MAX; j++) {
+        for (uint32_t i = 0; i < j; i++) {
+            rls->factor[packed(i, j)] = AXT_R(0);
+        }
+        rls->factor[packed(j, j)] = (j < rls->inputs) ? rls->prior : AXT_R(0);
+    }
 }
 
 axt_status axt_rls_init(axt_rls *rls, uint32_t inputs, uint32_t outputs, axt_real forgetting,
@@ -20,113 +50,108 @@ axt_status axt_rls_init(axt_rls *rls, uint32_t inputs, uint32_t outputs, axt_rea
         !(prior >= AXT_R(1) && prior <= AXT_R(1e15))) {
         return AXT_ERROR_RANGE;
     }
+    const axt_real growth_max = (AXT_R(1) - forgetting) / AXT_R(RENEWAL);
     *rls = (axt_rls){.forgetting = forgetting,
-                     .lost = (axt_real)inputs * (AXT_R(1) - forgetting),
                      .prior = prior,
-                     .inputs = inputs,
-                     .outputs = outputs};
+                     .growth_max = growth_max,
+                     .growth_fade = growth_max / largest_factor(prior),
+                     .shape = shape_of(inputs, outputs),
+                     .inputs = (uint8_t)inputs,
+                     .outputs = (uint8_t)outputs};
     axt_rls_reset(rls);
     return AXT_OK;
 }
 
 void axt_rls_reset(axt_rls *rls) {
-    axt_rls fresh = {.certainty = AXT_R(1),
-                     .forgetting = rls->forgetting,
-                     .lost = rls->lost,
-                     .prior = rls->prior,
-                     .inputs = rls->inputs,
-                     .outputs = rls->outputs,
-                     .rejected = rls->rejected};
-    for (uint32_t i = 0; i < rls->inputs; i++) {
-        fresh.factor[packed(i, i)] = rls->prior;
-    }
-    *rls = fresh;
-}
-
-static axt_status reject(axt_rls *rls, axt_status why) {
-    rls->rejected += (rls->rejected < UINT32_MAX) ? 1U : 0U;
-    return why;
-}
-
-/* How much of the information phi phi' of a sample is added to what is known. Directional
- * forgetting (R. Kulhavy, Automatica 23 (1987) 589-600) lets the information along P phi settle
- * where spread = phi' P phi is lost / (1 - lost), and adds 1 - lost - lost / spread of the
- * sample's: all of it without forgetting, none when settled, and less than none while more is known
- * than is to be kept. The floor of -1 is ours: a sample takes away no more than it brings, so that
- * the noise of an axis at rest, tiny samples in random directions, does not wear away what motion
- * has taught. */
-static inline axt_real information_gain(axt_real lost, axt_real spread) {
-    const axt_real kept = AXT_R(1) - lost;
-    return (lost < (kept + AXT_R(1)) * spread) ? kept - lost / spread : AXT_R(-1);
-}
-
-/* Where information is taken away the factors grow; no element of D beyond its start. */
-AXT_UNROLLED void limit_factors(axt_real *factor, uint32_t n, axt_real prior) {
-    AXT_UNROLL
-    for (uint32_t j = 0; j < n; j++) {
-        if (factor[packed(j, j)] > prior) {
-            factor[packed(j, j)] = prior;
+    for (uint32_t k = 0; k < AXT_RLS_OUTPUTS_MAX; k++) {
+        for (uint32_t j = 0; j < AXT_RLS_INPUTS_MAX; j++) {
+            rls->theta[k][j] = AXT_R(0);
         }
+        rls->innovation[k] = AXT_R(0);
     }
+    rls->certainty = AXT_R(1);
+    start_factors(rls);
+}
+
+/* One more, until no more fit. */
+static inline void count(uint32_t *counter) {
+    const uint32_t next = *counter + 1;
+    if (next != 0) {
+        *counter = next;
+    }
+}
+
+/* Refuses a sample before anything has changed. */
+AXT_SEPARATE axt_status reject(axt_rls *rls, axt_real size) {
+    count(&rls->rejected);
+    return axt_finite(size) ? AXT_ERROR_RANGE : AXT_ERROR_NOT_FINITE;
+}
+
+/* The factors have left the range of the number type, which no scaled motion was seen to do: what
+ * was known of the uncertainty is lost, what was known of the axis is kept. */
+AXT_SEPARATE axt_status restart(axt_rls *rls) {
+    start_factors(rls);
+    count(&rls->restarts);
+    return AXT_ERROR_RANGE;
 }
 
 /* Eqs. 14-16 for n inputs and m outputs; n and m are constants at each place of call, so that all
- * loops unroll. Nothing is written before the sample has been found good. */
+ * loops unroll. Nothing is written before the sample has been found good. Each column of the
+ * factors is read once and written once, so that the whole fits into the registers. */
 AXT_UNROLLED axt_status update(axt_rls *restrict rls, uint32_t n, uint32_t m,
                                const axt_real *restrict phi, const axt_real *restrict y) {
-    axt_real *factor = rls->factor;
-    axt_real f[AXT_RLS_INPUTS_MAX]; /* U' phi */
-    axt_real v[AXT_RLS_INPUTS_MAX]; /* D U' phi */
-    axt_real spread = AXT_R(0);     /* phi' P phi */
-    axt_real size = AXT_R(0);
+    axt_real size = y[0] * y[0];
     AXT_UNROLL
-    for (uint32_t j = 0; j < n; j++) {
-        f[j] = phi[j];
-        size = axt_fma(phi[j], phi[j], size);
-        AXT_UNROLL
-        for (uint32_t i = 0; i < j; i++) {
-            f[j] = axt_fma(factor[packed(i, j)], phi[i], f[j]);
-        }
-        v[j] = factor[packed(j, j)] * f[j];
-        spread = axt_fma(v[j], f[j], spread);
-    }
-    size += spread;
-    AXT_UNROLL
-    for (uint32_t k = 0; k < m; k++) {
+    for (uint32_t k = 1; k < m; k++) {
         size = axt_fma(y[k], y[k], size);
     }
-    if (!(size <= AXT_R(SAMPLE_MAX))) {
-        return reject(rls, axt_finite(size) ? AXT_ERROR_RANGE : AXT_ERROR_NOT_FINITE);
+    AXT_UNROLL
+    for (uint32_t j = 0; j < n; j++) {
+        size = axt_fma(phi[j], phi[j], size);
+    }
+    if (!(size <= SIZE_LIMIT)) {
+        return reject(rls, size);
     }
 
-    /* Bierman's update of the factors. alpha runs from 1 to 1 + gained spread, which is not below
-     * 1 - lost. */
-    const axt_real gained = information_gain(rls->lost, spread);
+    /* Bierman's update. alpha runs from 1 to 1 + phi' P phi. */
+    axt_real *factor = rls->factor;
+    const axt_real growth_max = rls->growth_max;
+    const axt_real growth_fade = rls->growth_fade;
+    const axt_real renewal = AXT_R(RENEWAL);
     axt_real gain[AXT_RLS_INPUTS_MAX]; /* P phi, summed up column by column */
     axt_real alpha = AXT_R(1);
     axt_real per_alpha = AXT_R(1);
     AXT_UNROLL
     for (uint32_t j = 0; j < n; j++) {
-        const axt_real gained_f = gained * f[j];
-        const axt_real slope = -gained_f * per_alpha;
-        const axt_real before = alpha;
-        alpha = axt_fma(gained_f, v[j], alpha);
-        per_alpha = AXT_R(1) / alpha;
-        factor[packed(j, j)] *= before * per_alpha;
-        gain[j] = v[j];
+        axt_real f = phi[j]; /* U' phi */
         AXT_UNROLL
         for (uint32_t i = 0; i < j; i++) {
-            axt_real *u = &factor[packed(i, j)];
-            const axt_real old = *u;
-            *u = axt_fma(gain[i], slope, old);
-            gain[i] = axt_fma(old, v[j], gain[i]);
+            f = axt_fma(factor[packed(i, j)], phi[i], f);
+        }
+        const axt_real d = factor[packed(j, j)];
+        const axt_real v = d * f;
+        const axt_real share = v * f;
+        const axt_real slope = f * per_alpha;
+        const axt_real before = alpha;
+        alpha += share;
+        const axt_real left = before / alpha; /* of D; exactly 1 when there is nothing new */
+
+        const axt_real most = axt_fma(-growth_fade, d, growth_max);
+        const axt_real growth = (share < most) ? share : most;
+        factor[packed(j, j)] = d * axt_fma(renewal, growth, left);
+        per_alpha *= left;
+        gain[j] = v;
+        AXT_UNROLL
+        for (uint32_t i = 0; i < j; i++) {
+            const axt_real u = factor[packed(i, j)];
+            factor[packed(i, j)] = axt_fma(-slope, gain[i], u);
+            gain[i] = axt_fma(u, v, gain[i]);
         }
     }
-    if (gained < AXT_R(0)) {
-        limit_factors(factor, n, rls->prior);
+    if (!(alpha <= SIZE_LIMIT)) {
+        return restart(rls);
     }
 
-    const axt_real certainty = AXT_R(1) / (AXT_R(1) + spread);
     AXT_UNROLL
     for (uint32_t k = 0; k < m; k++) {
         axt_real *theta = rls->theta[k];
@@ -135,15 +160,14 @@ AXT_UNROLLED axt_status update(axt_rls *restrict rls, uint32_t n, uint32_t m,
         for (uint32_t j = 0; j < n; j++) {
             innovation = axt_fma(-phi[j], theta[j], innovation);
         }
-        const axt_real step = innovation * certainty;
+        const axt_real step = innovation * per_alpha;
         AXT_UNROLL
         for (uint32_t j = 0; j < n; j++) {
             theta[j] = axt_fma(step, gain[j], theta[j]);
         }
         rls->innovation[k] = innovation;
     }
-    rls->certainty = certainty;
-    rls->updates += (rls->updates < UINT32_MAX) ? 1U : 0U;
+    rls->certainty = per_alpha;
     return AXT_OK;
 }
 
@@ -173,11 +197,11 @@ AXT_SEPARATE axt_status update_padded(axt_rls *restrict rls, const axt_real *res
 
 axt_status axt_rls_update(axt_rls *restrict rls, const axt_real *restrict phi,
                           const axt_real *restrict y) {
-    if (rls->inputs == 3 && rls->outputs == 2) {
-        return update_3x2(rls, phi, y);
-    }
-    if (rls->inputs == 5 && rls->outputs == 4) {
+    if (rls->shape == SHAPE_5X4) {
         return update_5x4(rls, phi, y);
+    }
+    if (rls->shape == SHAPE_3X2) {
+        return update_3x2(rls, phi, y);
     }
     return update_padded(rls, phi, y);
 }
@@ -203,7 +227,8 @@ bool axt_rls_invariants(const axt_rls *rls) {
                  rls->forgetting <= AXT_R(1);
     for (uint32_t i = 0; holds && i < n; i++) {
         const axt_real d = rls->factor[packed(i, i)];
-        holds = d > AXT_R(0) && d <= rls->prior;
+        holds =
+            d > AXT_R(0) && d <= largest_factor(rls->prior) * (AXT_R(1) + AXT_R(16) * AXT_EPSILON);
         for (uint32_t j = i + 1; holds && j < n; j++) {
             holds = axt_finite(rls->factor[packed(i, j)]);
         }

@@ -4,24 +4,25 @@
  *     e = y - phi' theta                           innovation, one for each output
  *     r = phi' P phi,  g = P phi / (1 + r)
  *     theta <- theta + g e
- *     P^-1  <- P^-1 + b phi phi'                   b = 1: Eq. 16
+ *     P^-1  <- P^-1 + phi phi'                     Eq. 16
  *
  * P does not depend on the outputs, so four outputs cost little more than one. It is kept as its
  * factors P = U D U', U unit upper triangular and D diagonal (G. J. Bierman, Factorization Methods
- * for Discrete Sequential Estimation, 1977): D stays positive whatever the rounding, so P stays
- * positive definite. A plain update of P does not: from a large prior, with regressors that are
- * nearly collinear at first, it turns indefinite within a few samples in float and in double.
+ * for Discrete Sequential Estimation, 1977): every element of D is multiplied by a positive number,
+ * so P stays positive definite whatever the rounding. A plain update of P does not: from a large
+ * prior, with regressors that are nearly collinear at first, it turns indefinite within a few
+ * samples in float and in double.
  *
- * Exponential forgetting divides P by lambda at every step, and at standstill P grows without
- * bound. Directional forgetting (R. Kulhavy, Automatica 23 (1987) 589-600) forgets only along the
- * direction in which the sample brings something new:
+ * Exponential forgetting divides P by lambda at every step, in all directions, and at standstill P
+ * grows without bound. Here each direction of the factors (a column of U) is forgotten for itself,
+ * and only as far as samples renew it. With f = U' phi a sample renews direction j by s = D f^2,
+ * and r is the sum of these. To each element of D, after Eq. 16, is added
  *
- *     b = 1 - l - l / r,   l = n (1 - lambda),     but never below -1
+ *     D min(16 s, (1 - lambda) (1 - D / prior))        D before the sample
  *
- * In steady excitation r settles at l / (1 - l), where exponential forgetting with the same lambda
- * has it. What no sample renews is not forgotten. And an element of D never grows beyond its start.
- * The price: a parameter that drifts is followed less well than exponential forgetting follows it
- * (docs/estimators.md has the figures).
+ * A direction that is excited is forgotten as exponential forgetting would; one that is not keeps
+ * what is known of it. What a sample wears away is at most 15 times what it brings, so the noise of
+ * an axis at rest takes a very long time to do harm. And D never grows beyond its start.
  */
 #ifndef AXT_RLS_H
 #define AXT_RLS_H
@@ -33,18 +34,19 @@ enum { AXT_RLS_INPUTS_MAX = 5, AXT_RLS_OUTPUTS_MAX = 4, AXT_RLS_FACTORS_MAX = 15
 
 typedef struct {
     axt_real theta[AXT_RLS_OUTPUTS_MAX][AXT_RLS_INPUTS_MAX]; /* theta[output][input] */
-    axt_real
-        factor[AXT_RLS_FACTORS_MAX]; /* upper triangle by columns: D on the diagonal, U above */
+    axt_real factor[AXT_RLS_FACTORS_MAX];     /* triangle by columns: D on the diagonal, U above */
     axt_real innovation[AXT_RLS_OUTPUTS_MAX]; /* of the last update */
-    axt_real certainty;  /* 1 / (1 + phi' P phi) of the last update: innovation x certainty
-                            is the residual that is left after it */
-    axt_real forgetting; /* lambda */
-    axt_real lost;       /* l = inputs (1 - lambda) */
-    axt_real prior;      /* D at the start: P starts as prior x I */
-    uint32_t inputs;
-    uint32_t outputs;
-    uint32_t updates;  /* samples taken since the last reset, saturating */
-    uint32_t rejected; /* samples refused since initialisation, saturating */
+    axt_real certainty;   /* 1 / (1 + phi' P phi) of the last update: innovation x certainty is
+                             the residual that is left after it */
+    axt_real forgetting;  /* lambda */
+    axt_real prior;       /* D at the start: P starts as prior x I */
+    axt_real growth_max;  /* of D in a step, over 16; */
+    axt_real growth_fade; /* less this for 1 of D */
+    uint32_t rejected;    /* samples refused since initialisation; both counters saturate */
+    uint32_t restarts;    /* samples after which P started again from its prior */
+    uint8_t inputs;
+    uint8_t outputs;
+    uint8_t shape; /* which of the unrolled updates fits */
 } axt_rls;
 
 /* inputs 1 .. 5, outputs 1 .. 4; forgetting 0.9 .. 1 (1: none); prior 1 .. 1e15, P starts as
@@ -52,13 +54,15 @@ typedef struct {
 axt_status axt_rls_init(axt_rls *rls, uint32_t inputs, uint32_t outputs, axt_real forgetting,
                         axt_real prior);
 
-/* Forgets everything but the settings and the counter of refused samples. */
+/* Forgets everything but the settings and the counters. */
 void axt_rls_reset(axt_rls *rls);
 
-/* One sample: phi[inputs], y[outputs], scaled to about 1. Cost for 5 x 4: 104 multiply-adds and 7
- * divisions; for 3 x 2: 38 and 5; for any other shape that of 5 x 4. AXT_ERROR_NOT_FINITE, or
- * AXT_ERROR_RANGE when phi' P phi and the squares of all elements add up to more than 1e18 (1e25 in
- * double): counted in `rejected`, nothing else changes. */
+/* One sample: phi[inputs], y[outputs], scaled to about 1. Cost for 5 x 4: 99 multiply-adds, 38
+ * other operations and 5 divisions; for 3 x 2: 36, 22 and 3; for any other shape that of 5 x 4. No
+ * branch depends on the data. AXT_ERROR_NOT_FINITE, or AXT_ERROR_RANGE when the squares of all
+ * elements add up to more than 1e24: counted in `rejected`, nothing else changes. AXT_ERROR_RANGE
+ * also when phi' P phi is larger than that, which scaled samples never are: P starts again from its
+ * prior, theta stays, `restarts` counts. */
 axt_status axt_rls_update(axt_rls *rls, const axt_real *phi, const axt_real *y);
 
 /* Element (row, column) of P = U D U'; 0 for indices out of range. */

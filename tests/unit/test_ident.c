@@ -529,11 +529,11 @@ CASE(a_motion_far_beyond_what_is_expected_is_refused) {
     CHECK_EQUAL(axt_ident_motion(&ident, &rest, 0), AXT_OK);
     CHECK(axt_ident_motion(&ident, &absurd, 0) < 0);
     CHECK_EQUAL(ident.rls.rejected, 1);
-    CHECK_EQUAL(ident.rls.updates, 0);
+    CHECK_EQUAL(ident.samples, 0);
     CHECK_EQUAL(axt_ident_motion(&ident, &rest, 0), AXT_OK); /* afresh */
-    CHECK_EQUAL(ident.rls.updates, 0);
+    CHECK_EQUAL(ident.samples, 0);
     CHECK_EQUAL(axt_ident_motion(&ident, &rest, 0), AXT_OK);
-    CHECK_EQUAL(ident.rls.updates, 1);
+    CHECK_EQUAL(ident.samples, 1);
 }
 
 CASE(a_bad_torque_with_counts_is_refused) {
@@ -546,7 +546,7 @@ CASE(a_bad_torque_with_counts_is_refused) {
     CHECK_EQUAL(axt_ident_counts(&ident, 1, 1, (axt_real)201), AXT_ERROR_RANGE);
     CHECK_EQUAL(axt_ident_counts(&ident, 1, 1, (axt_real)-201), AXT_ERROR_RANGE);
     CHECK_EQUAL(ident.rls.rejected, 5);
-    CHECK_EQUAL(ident.rls.updates, 0);
+    CHECK_EQUAL(ident.samples, 0);
     ident.rls.rejected = UINT32_MAX; /* it saturates */
     CHECK_EQUAL(axt_ident_counts(&ident, 1, 1, not_finite[0]), AXT_ERROR_NOT_FINITE);
     CHECK_EQUAL(ident.rls.rejected, UINT32_MAX);

@@ -1,6 +1,7 @@
 /* Recursive least squares, against batch least squares by Householder's QR and against the
- * recursion for the information matrix P^-1, both in extended precision; and what must hold
- * whatever comes. */
+ * recursion on the covariance itself, both in extended precision; and what must hold whatever
+ * comes.
+ */
 #include "axt_rls.h"
 
 #include "check.h"
@@ -106,70 +107,83 @@ static void batch_solve(batch_problem *batch, const axt_rls *rls, wide theta[M][
     }
 }
 
-/* The recursion in terms of the information matrix R = P^-1, as axt_rls.h defines it. */
+/* The recursion on P itself, factored anew for every sample, as axt_rls.h defines it. */
 typedef struct {
     uint32_t n;
     uint32_t m;
-    wide lost;
-    wide R[N][N];
+    wide forgetting;
+    wide prior;
+    wide P[N][N];
     wide theta[M][N];
-} information_rls;
+} covariance_rls;
 
-static void information_start(information_rls *reference, const axt_rls *rls) {
-    *reference = (information_rls){
-        .n = rls->inputs, .m = rls->outputs, .lost = rls->inputs * (1 - (wide)rls->forgetting)};
+static void covariance_start(covariance_rls *reference, const axt_rls *rls) {
+    *reference = (covariance_rls){.n = rls->inputs,
+                                  .m = rls->outputs,
+                                  .forgetting = (wide)rls->forgetting,
+                                  .prior = (wide)rls->prior};
     for (uint32_t j = 0; j < rls->inputs; j++) {
-        reference->R[j][j] = 1 / (wide)rls->prior;
+        reference->P[j][j] = (wide)rls->prior;
     }
 }
 
-/* R x = right, by Gaussian elimination (R is positive definite: no pivoting). */
-static void information_solve(const information_rls *reference, const wide *right, wide *x) {
-    const uint32_t n = reference->n;
-    wide a[N][N];
-    memcpy(a, reference->R, sizeof a);
-    memcpy(x, right, n * sizeof *x);
-    for (uint32_t j = 0; j < n; j++) {
-        for (uint32_t i = j + 1; i < n; i++) {
-            const wide factor = a[i][j] / a[j][j];
-            for (uint32_t c = j; c < n; c++) {
-                a[i][c] -= factor * a[j][c];
-            }
-            x[i] -= factor * x[j];
-        }
-    }
+/* P = U D U', from the last column to the first. */
+static void factorise(uint32_t n, wide P[N][N], wide U[N][N], wide D[N]) {
+    wide rest[N][N];
+    memcpy(rest, P, sizeof rest);
+    memset(U, 0, sizeof rest);
     for (uint32_t j = n; j-- > 0;) {
-        for (uint32_t c = j + 1; c < n; c++) {
-            x[j] -= a[j][c] * x[c];
+        D[j] = rest[j][j];
+        for (uint32_t i = 0; i <= j; i++) {
+            U[i][j] = rest[i][j] / D[j];
         }
-        x[j] /= a[j][j];
+        for (uint32_t i = 0; i < j; i++) {
+            for (uint32_t c = 0; c < j; c++) {
+                rest[i][c] -= U[i][j] * U[c][j] * D[j];
+            }
+        }
     }
 }
 
-static void information_update(information_rls *reference, const sample *s) {
-    wide phi[N];
-    wide gain[N];
+static void covariance_update(covariance_rls *reference, const sample *s) {
+    const uint32_t n = reference->n;
+    wide U[N][N];
+    wide before[N];
+    wide after[N];
+    wide f[N] = {0};
+    wide gain[N] = {0};
     wide r = 0;
-    for (uint32_t j = 0; j < reference->n; j++) {
-        phi[j] = (wide)s->phi[j];
-    }
-    information_solve(reference, phi, gain);
-    for (uint32_t j = 0; j < reference->n; j++) {
-        r += phi[j] * gain[j];
+    factorise(n, reference->P, U, before);
+    for (uint32_t i = 0; i < n; i++) {
+        for (uint32_t j = 0; j < n; j++) {
+            f[j] += U[i][j] * (wide)s->phi[i];
+            gain[i] += reference->P[i][j] * (wide)s->phi[j];
+        }
+        r += gain[i] * (wide)s->phi[i];
     }
     for (uint32_t k = 0; k < reference->m; k++) {
         wide innovation = (wide)s->y[k];
-        for (uint32_t j = 0; j < reference->n; j++) {
-            innovation -= phi[j] * reference->theta[k][j];
+        for (uint32_t j = 0; j < n; j++) {
+            innovation -= (wide)s->phi[j] * reference->theta[k][j];
         }
-        for (uint32_t j = 0; j < reference->n; j++) {
+        for (uint32_t j = 0; j < n; j++) {
             reference->theta[k][j] += gain[j] * innovation / (1 + r);
         }
     }
-    const wide gained = (r > 0) ? fmaxl(1 - reference->lost - reference->lost / r, -1) : -1;
-    for (uint32_t i = 0; i < reference->n; i++) {
-        for (uint32_t j = 0; j < reference->n; j++) {
-            reference->R[i][j] += gained * phi[i] * phi[j];
+    for (uint32_t i = 0; i < n; i++) {
+        for (uint32_t j = 0; j < n; j++) {
+            reference->P[i][j] -= gain[i] * gain[j] / (1 + r);
+        }
+    }
+    factorise(n, reference->P, U, after);
+    for (uint32_t j = 0; j < n; j++) {
+        const wide renewed = before[j] * f[j] * f[j];
+        const wide most = (1 - reference->forgetting) * (1 - before[j] / reference->prior);
+        const wide growth = before[j] * fminl(16 * renewed, most);
+        for (uint32_t i = 0; i < n; i++) {
+            for (uint32_t c = 0; c < n; c++) {
+                reference->P[i][c] += U[i][j] * growth * U[c][j];
+            }
         }
     }
 }
@@ -182,18 +196,14 @@ static void check_theta(const axt_rls *rls, wide theta[M][N], double tolerance) 
     }
 }
 
-/* P R = 1, seen against the size of P's elements. */
-static void check_covariance(const axt_rls *rls, const information_rls *reference,
+/* Seen against the size of P's elements. */
+static void check_covariance(const axt_rls *rls, const covariance_rls *reference,
                              double tolerance) {
     for (uint32_t i = 0; i < rls->inputs; i++) {
-        wide unit[N] = {0};
-        wide column[N];
-        unit[i] = 1;
-        information_solve(reference, unit, column);
         for (uint32_t j = 0; j < rls->inputs; j++) {
-            const wide size =
-                sqrtl((wide)axt_rls_covariance(rls, i, i) * (wide)axt_rls_covariance(rls, j, j));
-            CHECK_NEAR(((wide)axt_rls_covariance(rls, i, j) - column[j]) / size, 0, tolerance);
+            const wide size = sqrtl(reference->P[i][i] * reference->P[j][j]);
+            const wide found = (wide)axt_rls_covariance(rls, i, j);
+            CHECK_NEAR((found - reference->P[i][j]) / size, 0, tolerance);
         }
     }
 }
@@ -219,19 +229,19 @@ CASE(without_forgetting_it_is_batch_least_squares_at_every_sample_count) {
     }
 }
 
-CASE(with_forgetting_it_is_the_recursion_of_the_information_matrix) {
+CASE(with_forgetting_it_is_the_recursion_of_the_covariance) {
     static const double forgettings[] = {1, 0.999, 0.98, 0.9};
     for (size_t i = 0; i < COUNT_OF(shapes) * COUNT_OF(forgettings); i++) {
         axt_rls rls = rls_of(shapes[i / COUNT_OF(forgettings)].inputs,
                              shapes[i / COUNT_OF(forgettings)].outputs,
                              forgettings[i % COUNT_OF(forgettings)], 1000);
-        information_rls reference;
-        information_start(&reference, &rls);
+        covariance_rls reference;
+        covariance_start(&reference, &rls);
         uint64_t seed = i;
         for (uint32_t n = 0; n < 2000; n++) {
             const sample s = random_sample(&seed, rls.inputs, rls.outputs);
             CHECK_EQUAL(axt_rls_update(&rls, s.phi, s.y), AXT_OK);
-            information_update(&reference, &s);
+            covariance_update(&reference, &s);
             if (n % 50 == 0) {
                 check_theta(&rls, reference.theta, 2000 * REAL_EPSILON);
                 check_covariance(&rls, &reference, 2000 * REAL_EPSILON);
@@ -473,14 +483,32 @@ CASE(a_bad_sample_changes_nothing_but_the_counter) {
 }
 
 CASE(the_counters_stop_at_their_ends) {
-    axt_rls rls = rls_of(1, 1, 1, 1000);
-    const axt_real one = 1;
-    rls.updates = UINT32_MAX;
-    rls.rejected = UINT32_MAX;
-    CHECK_EQUAL(axt_rls_update(&rls, &one, &one), AXT_OK);
-    CHECK(axt_rls_update(&rls, &one, &not_finite[0]) != AXT_OK);
-    CHECK_EQUAL(rls.updates, UINT32_MAX);
-    CHECK_EQUAL(rls.rejected, UINT32_MAX);
+    axt_rls rls = rls_of(1, 1, 1, 1e15);
+    const axt_real large = (axt_real)1e11;
+    for (uint32_t n = 0; n < 3; n++) {
+        rls.rejected = UINT32_MAX - 1 + n / 2;
+        rls.restarts = rls.rejected;
+        CHECK(axt_rls_update(&rls, &large, &not_finite[0]) != AXT_OK);
+        CHECK(axt_rls_update(&rls, &large, &large) != AXT_OK);
+        CHECK_EQUAL(rls.rejected, UINT32_MAX);
+        CHECK_EQUAL(rls.restarts, UINT32_MAX);
+    }
+}
+
+CASE(a_sample_beyond_all_bounds_starts_the_covariance_again) {
+    axt_rls rls = rls_of(3, 2, 1, 1e15);
+    const axt_real y[2] = {1, 2};
+    const axt_real unit[3] = {1, 1, 1};
+    const axt_real large[3] = {(axt_real)1e11, 0, 0}; /* phi' P phi of 1e37 */
+    CHECK_EQUAL(axt_rls_update(&rls, unit, y), AXT_OK);
+    const axt_rls before = rls;
+    axt_rls fresh = rls_of(3, 2, 1, 1e15);
+    rls.factor[0] = rls.prior;
+    CHECK_EQUAL(axt_rls_update(&rls, large, y), AXT_ERROR_RANGE);
+    CHECK(UNCHANGED(rls.theta, before.theta));
+    CHECK(UNCHANGED(rls.factor, fresh.factor));
+    CHECK_EQUAL(rls.restarts, 1);
+    CHECK_EQUAL(rls.rejected, 0);
 }
 
 static bool finite_covariance(const axt_rls *rls) {
@@ -524,18 +552,17 @@ CASE(the_invariants_hold_after_any_sample) {
             for (uint32_t k = 0; k < rls.outputs; k++) {
                 s.y[k] = any_number(&seed, largest);
             }
-            (void)axt_rls_update(&rls, s.phi, s.y); /* taken or refused */
+            taken += (axt_rls_update(&rls, s.phi, s.y) == AXT_OK) ? 1U : 0U;
             CHECK(axt_rls_invariants(&rls));
             CHECK(finite_covariance(&rls));
         }
-        taken += rls.updates;
-        refused += rls.rejected;
+        refused += rls.rejected + rls.restarts;
     }
     CHECK_EQUAL(taken + refused, 300000);
     CHECK(taken > 100000 && refused > 10000);
 }
 
-CASE(reset_forgets_all_but_the_settings_and_the_refused) {
+CASE(reset_forgets_all_but_the_settings_and_the_counters) {
     axt_rls fresh = rls_of(3, 2, 0.99, 1000);
     axt_rls rls = fresh;
     uint64_t seed = 11;
@@ -611,7 +638,7 @@ CASE(a_damaged_state_is_recognised) {
 
 int main(void) {
     RUN(without_forgetting_it_is_batch_least_squares_at_every_sample_count);
-    RUN(with_forgetting_it_is_the_recursion_of_the_information_matrix);
+    RUN(with_forgetting_it_is_the_recursion_of_the_covariance);
     RUN(innovation_times_certainty_is_the_residual_left);
     RUN(nearly_collinear_regressors_do_no_harm);
     RUN(outputs_do_not_know_of_each_other);
@@ -622,8 +649,9 @@ int main(void) {
     RUN(a_standstill_neither_blows_up_nor_forgets);
     RUN(a_bad_sample_changes_nothing_but_the_counter);
     RUN(the_counters_stop_at_their_ends);
+    RUN(a_sample_beyond_all_bounds_starts_the_covariance_again);
     RUN(the_invariants_hold_after_any_sample);
-    RUN(reset_forgets_all_but_the_settings_and_the_refused);
+    RUN(reset_forgets_all_but_the_settings_and_the_counters);
     RUN(settings_that_make_no_sense_are_refused_and_nothing_is_written);
     RUN(elements_outside_the_covariance_are_zero);
     RUN(a_damaged_state_is_recognised);
