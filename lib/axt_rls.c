@@ -19,7 +19,7 @@ static inline uint32_t packed(uint32_t i, uint32_t j) {
 }
 
 /* Which update a filter takes; zero is the cheapest to ask for. */
-enum { SHAPE_5X4, SHAPE_3X2, SHAPE_OTHER };
+enum { SHAPE_3X2, SHAPE_5X4, SHAPE_OTHER };
 
 static uint8_t shape_of(uint32_t inputs, uint32_t outputs) {
     if (inputs == 3 && outputs == 2) {
@@ -197,11 +197,11 @@ AXT_SEPARATE axt_status update_padded(axt_rls *restrict rls, const axt_real *res
 
 axt_status axt_rls_update(axt_rls *restrict rls, const axt_real *restrict phi,
                           const axt_real *restrict y) {
-    if (rls->shape == SHAPE_5X4) {
-        return update_5x4(rls, phi, y);
-    }
     if (rls->shape == SHAPE_3X2) {
         return update_3x2(rls, phi, y);
+    }
+    if (rls->shape == SHAPE_5X4) {
+        return update_5x4(rls, phi, y);
     }
     return update_padded(rls, phi, y);
 }
