@@ -16,6 +16,9 @@ from cffi import FFI
 HERE = Path(__file__).resolve().parent
 NATIVE = HERE / "native"
 CORE = HERE.parent / "lib"
+
+# Simulations between the samples of a record take short steps, of which a delay lasts many.
+DELAY_STEPS = 1024
 STANDARD_HEADERS = ("stdbool.h", "stddef.h", "stdint.h")
 
 
@@ -36,6 +39,7 @@ def declarations(real: str) -> str:
             f"-I{CORE}",
             f"-I{NATIVE}",
             f"-DAXT_REAL={real}",
+            f"-DAXT_DELAY_STEPS={DELAY_STEPS}",
         ]
         return subprocess.run(
             [*compiler, *options, "-xc", "-"],
@@ -65,7 +69,7 @@ def core(name: str, real: str) -> FFI:
         includes(),
         sources=[str(path) for path in (*sorted(CORE.glob("*.c")), *sorted(NATIVE.glob("*.c")))],
         include_dirs=[str(CORE), str(NATIVE)],
-        define_macros=[("AXT_REAL", real)],
+        define_macros=[("AXT_REAL", real), ("AXT_DELAY_STEPS", str(DELAY_STEPS))],
         # Not contracted, so that the same samples give the same bits here as on the node.
         extra_compile_args=["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden"],
         libraries=["m"],

@@ -1,8 +1,8 @@
 /* axt_math.h - the few mathematical functions the library needs, in its own number type.
  *
  * Private to lib/. The library is freestanding: instead of <math.h> it declares the C library's
- * functions it calls, and these are all of them: sqrt, sin, cos (sqrtf, sinf, cosf in float) and,
- * only where the target has the instruction, fma. Everything else is arithmetic.
+ * functions it calls, and these are all of them: sqrt, sin, cos, exp (sqrtf, sinf, cosf, expf in
+ * float) and, only where the target has the instruction, fma. Everything else is arithmetic.
  */
 #ifndef AXT_MATH_H
 #define AXT_MATH_H
@@ -25,9 +25,11 @@
 double sqrt(double x);
 double sin(double x);
 double cos(double x);
+double exp(double x);
 #define axt_sqrt       sqrt
 #define axt_sin        sin
 #define axt_cos        cos
+#define axt_exp        exp
 #define AXT_EPSILON    AXT_R(2.220446049250313e-16)
 #define AXT_REAL_MAX   AXT_R(1.7976931348623157e308)
 #define AXT_SPLIT      AXT_R(134217729.0) /* 2^27 + 1, Dekker's constant */
@@ -36,9 +38,11 @@ double cos(double x);
 float sqrtf(float x);
 float sinf(float x);
 float cosf(float x);
+float expf(float x);
 #define axt_sqrt       sqrtf
 #define axt_sin        sinf
 #define axt_cos        cosf
+#define axt_exp        expf
 #define AXT_EPSILON    AXT_R(1.1920929e-7)
 #define AXT_REAL_MAX   AXT_R(3.4028234663852886e38)
 #define AXT_SPLIT      AXT_R(4097.0) /* 2^12 + 1, Dekker's constant */

@@ -17,6 +17,38 @@ axt_status axt_loop_simulate(const axt_axis *axis, axt_real time_step, const axt
     return status;
 }
 
+/* From one sample of the torque to the next in equal steps. */
+static axt_status step_between(axt_machine *machine, axt_torque_course course, uint32_t substeps,
+                               axt_real from, axt_real to) {
+    const axt_real rise = (to - from) / (axt_real)substeps;
+    axt_status status = AXT_OK;
+    for (uint32_t i = 1; i < substeps && status == AXT_OK; i++) {
+        const bool held = course == AXT_TORQUE_HELD;
+        status = axt_machine_step(machine, held ? from : from + (axt_real)i * rise);
+    }
+    return (status == AXT_OK) ? axt_machine_step(machine, to) : status;
+}
+
+axt_status axt_loop_simulate_effects(const axt_axis *axis, axt_real time_step,
+                                     axt_torque_course course, const axt_effects *effects,
+                                     uint32_t substeps, const axt_motion *start,
+                                     const axt_real *torque, size_t n, axt_motion *motion,
+                                     size_t *done) {
+    axt_machine machine;
+    *done = 0;
+    axt_status status =
+        axt_machine_init(&machine, axis, time_step / (axt_real)substeps, course, effects);
+    for (size_t i = 0; i < n && status == AXT_OK; i++) {
+        status = (i == 0) ? axt_machine_set(&machine, start, torque[0])
+                          : step_between(&machine, course, substeps, torque[i - 1], torque[i]);
+        if (status == AXT_OK) {
+            axt_machine_measure(&machine, &motion[i]);
+            *done = i + 1;
+        }
+    }
+    return status;
+}
+
 axt_status axt_loop_integrate(axt_method method, const axt_axis *axis, axt_real time_step,
                               const axt_motion *start, const axt_real *torque, size_t n,
                               axt_motion *motion, size_t *done) {

@@ -16,6 +16,14 @@ axt_status axt_loop_simulate(const axt_axis *axis, axt_real time_step, const axt
                              const axt_motion *start, const axt_real *torque, size_t n,
                              axt_motion *motion, size_t *done);
 
+/* As axt_loop_simulate(), of an axis with effects as its encoders show it. `time_step` [s] is that
+ * of the samples, with `substeps` steps of the machine in between. */
+axt_status axt_loop_simulate_effects(const axt_axis *axis, axt_real time_step,
+                                     axt_torque_course course, const axt_effects *effects,
+                                     uint32_t substeps, const axt_motion *start,
+                                     const axt_real *torque, size_t n, axt_motion *motion,
+                                     size_t *done);
+
 /* As axt_loop_simulate(), by any of the methods of axt_integrator.h. */
 axt_status axt_loop_integrate(axt_method method, const axt_axis *axis, axt_real time_step,
                               const axt_motion *start, const axt_real *torque, size_t n,

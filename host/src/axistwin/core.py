@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import importlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field
 from typing import Any, Literal, TypeAlias
 
@@ -69,6 +69,38 @@ class Newmark:
 
     alpha: float = 0.25
     delta: float = 0.5
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Something that an axis does and Eq. 3 does not say; see effect_parameters().
+
+    ``effect`` and ``location`` are identifiers, ``params`` the values of its parameters by name;
+    those not given are zero. An axis can have several ripples and lead errors, each one Effect.
+    """
+
+    effect: str
+    location: str
+    params: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One parameter of one effect at one location.
+
+    Its ``unit`` is that of a rotary axis, N^force rad^angle times a power of s. An axis can have
+    ``instances`` of the effect there.
+    """
+
+    effect: str
+    location: str
+    parameter: str
+    unit: str
+    force: int
+    angle: int
+    instances: int
+    at: int = field(repr=False)
+    stride: int = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -254,6 +286,30 @@ def schroeder(
     return table.astype(np.float64)
 
 
+@functools.cache
+def effect_parameters() -> tuple[EffectParameter, ...]:
+    """All parameters of all effects inside an axis and its encoders, as the core lists them."""
+    core = _load("float64")
+    found: list[EffectParameter] = []
+    while (entry := core.lib.axt_catalogue(len(found))) != core.ffi.NULL:
+        texts = (entry.effect, entry.location, entry.parameter, entry.unit)
+        effect, location, parameter, unit = (core.ffi.string(text).decode() for text in texts)
+        found.append(
+            EffectParameter(
+                effect,
+                location,
+                parameter,
+                unit,
+                entry.force,
+                entry.angle,
+                entry.instances,
+                entry.at,
+                entry.stride,
+            )
+        )
+    return tuple(found)
+
+
 def simulate(
     axis: Axis,
     time_step: float,
@@ -270,22 +326,48 @@ def simulate(
     time step or a sample that is out of range or not finite.
     """
     core = _load(precision)
-    values = _reals(core, torque, "torque")
-    motion = np.zeros(len(values), core.dtype("axt_motion"))
-    start = _motions(core, [state or State()])
-    done = core.ffi.new("size_t *")
-    status = core.lib.axt_loop_simulate(
+    run = _Simulation(core, torque, state)
+    parameters = core.ffi.new("axt_newmark *", astuple(newmark or Newmark()))
+    status = core.lib.axt_loop_simulate(_axis(core, axis), time_step, parameters, *run.arguments)
+    return run.finish(status, f"simulation of {axis}, {time_step=}")
+
+
+def simulate_effects(
+    axis: Axis,
+    effects: Sequence[Effect],
+    time_step: float,
+    torque: npt.ArrayLike,
+    state: State | None = None,
+    *,
+    held: bool = False,
+    substeps: int = 1,
+    precision: Precision = "float64",
+) -> Motion:
+    """Motion of an axis with effects, as its encoders show it; see lib/axt_machine.h.
+
+    As simulate(), with ``substeps`` steps from one sample to the next, so that the sample rate of a
+    record does not limit the accuracy: wn time_step / substeps <= 0.3 keeps frequencies to 1 %,
+    and delays may last up to 1022 of these steps. The torque is linear between samples, or
+    ``held`` from each to the next as a drive does it. Without effects, held torque and substeps
+    the answer is that of simulate() to the last bit. About 5 to 20 million steps a second.
+    Raises InputError also for an effect that is not known, has a parameter out of range or that an
+    axis cannot have that often.
+    """
+    if not 1 <= substeps < 2**32:
+        raise InputError(f"{substeps} steps from sample to sample: has to be 1 or more")
+    core = _load(precision)
+    run = _Simulation(core, torque, state)
+    numbers = _effects(core, effects)
+    course = core.lib.AXT_TORQUE_HELD if held else core.lib.AXT_TORQUE_LINEAR
+    status = core.lib.axt_loop_simulate_effects(
         _axis(core, axis),
         time_step,
-        core.ffi.new("axt_newmark *", astuple(newmark or Newmark())),
-        core.array("axt_motion", start),
-        core.array("axt_real", values),
-        len(values),
-        core.array("axt_motion", motion),
-        done,
+        course,
+        core.array("axt_effects", numbers),
+        substeps,
+        *run.arguments,
     )
-    _check(core, status, f"simulation of {axis}, {time_step=}, stopped at sample {done[0]}")
-    return Motion(precision, motion)
+    return run.finish(status, f"simulation of {axis} with {list(effects)}, {time_step=}")
 
 
 def integrate(
@@ -301,23 +383,12 @@ def integrate(
     The torque is linear between samples, or held from each to the next with ``exact_held``.
     """
     core = _load(precision)
-    values = _reals(core, torque, "torque")
-    motion = np.zeros(len(values), core.dtype("axt_motion"))
-    start = _motions(core, [state or State()])
-    done = core.ffi.new("size_t *")
-    status = core.lib.axt_loop_integrate(
-        getattr(core.lib, f"AXT_METHOD_{method.upper()}"),
-        _axis(core, axis),
-        time_step,
-        core.array("axt_motion", start),
-        core.array("axt_real", values),
-        len(values),
-        core.array("axt_motion", motion),
-        done,
-    )
-    _check(core, status, f"{method} for {axis}, {time_step=}, stopped at sample {done[0]}")
-    motion["turns"] += start["turns"]  # the integrators start within a turn
-    return Motion(precision, motion)
+    run = _Simulation(core, torque, state)
+    chosen = getattr(core.lib, f"AXT_METHOD_{method.upper()}")
+    status = core.lib.axt_loop_integrate(chosen, _axis(core, axis), time_step, *run.arguments)
+    found = run.finish(status, f"{method} for {axis}, {time_step=}")
+    found.samples["turns"] += run.start["turns"]  # the integrators start within a turn
+    return found
 
 
 def motion(states: Iterable[State], precision: Precision = "float64") -> Motion:
@@ -484,6 +555,76 @@ def _resolutions(counts_per_turn: Sequence[int]) -> tuple[int, int]:
     if len(numbers) != 2 or not all(0 < number < 2**32 for number in numbers):
         raise InputError(f"counts a turn of two encoders have to be positive, not {numbers}")
     return numbers[0], numbers[1]
+
+
+def _effects(core: _Core, effects: Sequence[Effect]) -> npt.NDArray[Any]:
+    """The effects as the core keeps them: axt_effects seen as an array of numbers."""
+    numbers = np.zeros(core.ffi.sizeof("axt_effects") // core.real.itemsize, core.real)
+    places = _places()
+    count: dict[tuple[str, str], int] = {}
+    for effect in effects:
+        key = (effect.effect, effect.location)
+        if key not in places:
+            raise InputError(_unknown_effect(effect))
+        instance = count.get(key, 0)
+        count[key] = instance + 1
+        for name, value in effect.params.items():
+            place = places[key].get(name)
+            if place is None:
+                known = ", ".join(places[key])
+                raise InputError(f"{effect.effect} has no parameter {name!r}; it has {known}")
+            if instance >= place.instances:
+                raise InputError(
+                    f"an axis can have {effect.effect} at {effect.location} "
+                    f"{place.instances} times at most"
+                )
+            numbers[place.at + instance * place.stride] = value
+    return numbers
+
+
+@functools.cache
+def _places() -> dict[tuple[str, str], dict[str, EffectParameter]]:
+    """The parameters by effect and location, then by name."""
+    found: dict[tuple[str, str], dict[str, EffectParameter]] = {}
+    for entry in effect_parameters():
+        found.setdefault((entry.effect, entry.location), {})[entry.parameter] = entry
+    return found
+
+
+def _unknown_effect(effect: Effect) -> str:
+    locations = [place for name, place in _places() if name == effect.effect]
+    if locations:
+        return f"{effect.effect} is not at {effect.location!r} but at {' or '.join(locations)}"
+    known = ", ".join(dict.fromkeys(name for name, _ in _places()))
+    return f"no effect {effect.effect!r}; there are {known}"
+
+
+class _Simulation:
+    """One run of a simulation: what goes in, room for what comes out."""
+
+    def __init__(self, core: _Core, torque: npt.ArrayLike, state: State | None) -> None:
+        self._core = core
+        self._torque = _reals(core, torque, "torque")
+        self._motion = np.zeros(len(self._torque), core.dtype("axt_motion"))
+        self._done = core.ffi.new("size_t *")
+        self.start = _motions(core, [state or State()])
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What the loops have in common."""
+        core = self._core
+        return (
+            core.array("axt_motion", self.start),
+            core.array("axt_real", self._torque),
+            len(self._torque),
+            core.array("axt_motion", self._motion),
+            self._done,
+        )
+
+    def finish(self, status: int, what: str) -> Motion:
+        """The motion, or the exception for the status; ``what`` was being done."""
+        _check(self._core, status, f"{what}, stopped at sample {self._done[0]}")
+        return Motion(self._core.precision, self._motion)
 
 
 class _IdentRun:

@@ -1,0 +1,540 @@
+/* A step of the axis with its effects.
+ *
+ * The trapezoidal rule between the speeds w at its beginning and w+ = w + d at its end, with mean
+ * torques over the step, for motor and table (shaft torque S, twist speed v = w1 - w2, h = Dt):
+ *
+ *     (I1 + h c1 / 2) d1 = h (T1 - c1 w1 - S) + P1
+ *     (I2 + h c2 / 2) d2 = h (T2 - c2 w2 + S) + P2        q+ = q + h (v + v+) / 2
+ *
+ * c is viscous friction. S depends on the mean twist speed; linearised where the last sweep has
+ * left it (Newton), S = S0 + g (d1 - d2) / 2, the two equations are a 2 x 2 system whose inverse
+ * has no cancellation: of positive numbers a, b, G = h g / 2,
+ *
+ *     [a + G   -G ]^-1                      [b + G    G  ]
+ *     [ -G   b + G]     =  1 / (ab + (a+b)G)[  G    a + G]
+ *
+ * The impulses P1, P2 of dry friction are solved for one after the other (Gauss-Seidel), each
+ * exactly (axt_friction.h). One friction point on a plain shaft takes one sweep; otherwise a few
+ * are made until nothing changes.
+ *
+ * The further mode, an inertia m on a spring at the table with frequency p and damping ratio z,
+ * depends linearly on d2 and is eliminated: with twist y and twist speed u,
+ *
+ *     s = p^2 y + (p^2 h / 2 + 2 z p) u,   e = (p^2 h / 2 + 2 z p) h / 2
+ *     d3 = (h s + e d2) / (1 + e)
+ *
+ * is the change of its speed, so the table sees an inertia m e / (1 + e) and an impulse
+ * -m h s / (1 + e). */
+#include "axt_machine.h"
+
+#include "axt_encoder.h"
+#include "axt_math.h"
+
+enum { SWEEPS = 4 };
+
+static const axt_real twist_max = AXT_R(1e3);
+static const axt_real turns_per_rad = AXT_R(1) / AXT_TWO_PI;
+
+static bool any(axt_real x) {
+    return axt_abs(x) > AXT_R(0);
+}
+
+static axt_real nearest(axt_real x) {
+    return (axt_real)(int32_t)(x + ((x < AXT_R(0)) ? AXT_R(-0.5) : AXT_R(0.5)));
+}
+
+static axt_real not_negative(axt_real x) {
+    return (x > AXT_R(0)) ? x : AXT_R(0);
+}
+
+static axt_real limit(axt_real x, axt_real most) {
+    if (x > most) {
+        return most;
+    }
+    return (x < -most) ? -most : x;
+}
+
+/* sin(2 pi cycle + phase). */
+static axt_real sine(axt_real cycle, axt_real phase) {
+    return axt_sin(AXT_TWO_PI * (cycle - nearest(cycle)) + phase);
+}
+
+/* ---- What there is -------------------------------------------------------------------------- */
+
+static bool any_friction(const axt_friction *friction) {
+    return any(friction->coulomb) || any(friction->viscous) || any(friction->stribeck);
+}
+
+static bool any_wave(const axt_wave waves[AXT_EFFECTS_WAVES]) {
+    bool found = false;
+    for (uint32_t i = 0; i < AXT_EFFECTS_WAVES; i++) {
+        found = found || any(waves[i].amplitude);
+    }
+    return found;
+}
+
+static bool inside_the_axis(const axt_effects *effects) {
+    bool found = any_wave(effects->torque_ripple) || any(effects->backlash) ||
+                 any(effects->stiffness_hardening) || any(effects->stiffness_drift) ||
+                 any(effects->load_change.ratio) || any(effects->extra_mode.mass_ratio);
+    for (uint32_t i = 0; i < 2; i++) {
+        found = found || any_friction(&effects->friction[i]) || any(effects->torque_offset[i]) ||
+                any(effects->disturbance[i].amplitude);
+    }
+    return found;
+}
+
+static bool in_an_encoder(const axt_effects *effects) {
+    bool found = any_wave(effects->lead_error);
+    for (uint32_t i = 0; i < 2; i++) {
+        found = found || any(effects->encoder_eccentricity[i].amplitude) ||
+                any(effects->encoder_delay[i]) || any(effects->quantisation[i]);
+    }
+    return found;
+}
+
+static axt_delay delay_of(axt_real time, axt_real time_step) {
+    const axt_real steps = time / time_step;
+    const uint32_t whole = (uint32_t)steps;
+    return (axt_delay){.steps = whole, .part = steps - (axt_real)whole};
+}
+
+axt_status axt_machine_init(axt_machine *machine, const axt_axis *axis, axt_real time_step,
+                            axt_torque_course course, const axt_effects *effects) {
+    axt_plant plant;
+    axt_status status = axt_plant_init(&plant, axis, time_step, &axt_newmark_trapezoidal);
+    if (status == AXT_OK) {
+        status = axt_effects_check(effects, time_step);
+    }
+    if (status != AXT_OK) {
+        return status;
+    }
+    const axt_real p = effects->extra_mode.frequency;
+    const axt_real pull = p * p;
+    const axt_real drag =
+        AXT_R(0.5) * time_step * pull + AXT_R(2) * effects->extra_mode.damping_ratio * p;
+    const axt_real e = AXT_R(0.5) * time_step * drag;
+    *machine = (axt_machine){
+        .plant = plant,
+        .effects = *effects,
+        .axis = *axis,
+        .time_step = time_step,
+        .speed_max = AXT_PI / time_step,
+        .course = course,
+        .ideal = course == AXT_TORQUE_LINEAR && !inside_the_axis(effects),
+        .delays = any(effects->torque_delay) || any(effects->encoder_delay[0]) ||
+                  any(effects->encoder_delay[1]),
+        .encodes = in_an_encoder(effects),
+        .torque_delay = delay_of(effects->torque_delay, time_step),
+        .encoder_delay = {delay_of(effects->encoder_delay[0], time_step),
+                          delay_of(effects->encoder_delay[1], time_step)},
+        .cycles_per_step = {effects->disturbance[0].frequency * time_step * turns_per_rad,
+                            effects->disturbance[1].frequency * time_step * turns_per_rad},
+        .load_step = effects->load_change.time / time_step,
+        .mode_pull = pull,
+        .mode_drag = drag,
+        .mode_share = e / (AXT_R(1) + e),
+        .mode_inertia = effects->extra_mode.mass_ratio * axis->I2,
+    };
+    return AXT_OK;
+}
+
+/* ---- The past ------------------------------------------------------------------------------- */
+
+static uint32_t ago(const axt_past *past, uint32_t steps) {
+    return (past->newest + AXT_DELAY_STEPS - steps) % AXT_DELAY_STEPS;
+}
+
+static void remember_torque(axt_past *past, axt_real torque) {
+    past->newest = (past->newest + 1) % AXT_DELAY_STEPS;
+    past->torque[past->newest] = torque;
+}
+
+static axt_real torque_ago(const axt_past *past, axt_delay delay) {
+    const axt_real later = past->torque[ago(past, delay.steps)];
+    const axt_real earlier = past->torque[ago(past, delay.steps + 1)];
+    return axt_fma(delay.part, earlier - later, later);
+}
+
+/* Brings the fraction back to half a turn: `motion` is less than a turn from there. */
+static void wrap(axt_motion *motion) {
+    if (motion->fraction > AXT_R(0.5)) {
+        motion->fraction -= AXT_R(1);
+        motion->turns = axt_wrap_add(motion->turns, 1);
+    } else if (motion->fraction < AXT_R(-0.5)) {
+        motion->fraction += AXT_R(1);
+        motion->turns = axt_wrap_add(motion->turns, -1);
+    }
+}
+
+static void advance(axt_motion *motion, axt_real fraction) {
+    const axt_two sum = axt_two_sum(motion->fraction, fraction + motion->fraction_low);
+    motion->fraction = sum.hi;
+    motion->fraction_low = sum.lo;
+    wrap(motion);
+}
+
+/* A past of motion at the present speeds under the present torque. */
+static void remember_steady(axt_machine *machine, const axt_motion *present, axt_real torque) {
+    axt_motion motion = *present;
+    machine->past.newest = 0;
+    for (uint32_t i = 0; i < AXT_DELAY_STEPS; i++) {
+        const uint32_t at = ago(&machine->past, i);
+        machine->past.torque[at] = torque;
+        machine->past.motion[at] = motion;
+        motion.twist -= machine->time_step * motion.twist_speed;
+        advance(&motion, -motion.speed * machine->time_step * turns_per_rad);
+    }
+}
+
+/* ---- State ---------------------------------------------------------------------------------- */
+
+static axt_real delivered(const axt_machine *machine, axt_real torque) {
+    const axt_real most = machine->effects.torque_saturation;
+    return any(most) ? limit(torque, most) : torque;
+}
+
+axt_status axt_machine_set(axt_machine *machine, const axt_motion *motion, axt_real torque) {
+    const axt_status status = axt_plant_set(&machine->plant, motion, delivered(machine, torque));
+    if (status != AXT_OK) {
+        return status;
+    }
+    machine->motion = *motion;
+    wrap(&machine->motion);
+    machine->speed[0] = motion->speed;
+    machine->speed[1] = motion->speed - motion->twist_speed;
+    for (uint32_t i = 0; i < 2; i++) {
+        machine->speed_low[i] = AXT_R(0);
+        machine->cycle[i] = AXT_R(0);
+        machine->cycle_low[i] = AXT_R(0);
+    }
+    machine->mode_twist = AXT_R(0);
+    machine->mode_speed = AXT_R(0);
+    machine->torque = delivered(machine, torque);
+    machine->steps = 0;
+    if (machine->delays) {
+        remember_steady(machine, motion, torque);
+    }
+    return AXT_OK;
+}
+
+void axt_machine_read(const axt_machine *machine, axt_motion *motion) {
+    if (machine->ideal) {
+        axt_plant_read(&machine->plant, motion);
+        return;
+    }
+    *motion = machine->motion;
+    motion->speed = machine->speed[0];
+    motion->twist_speed =
+        (machine->speed[0] - machine->speed[1]) + (machine->speed_low[0] - machine->speed_low[1]);
+}
+
+/* ---- Waves ---------------------------------------------------------------------------------- */
+
+/* The sum of the waves at `fraction` of a turn and that many whole ones. */
+static axt_real waves(const axt_wave wave[AXT_EFFECTS_WAVES], axt_real fraction, int32_t turns) {
+    axt_real sum = AXT_R(0);
+    for (uint32_t i = 0; i < AXT_EFFECTS_WAVES; i++) {
+        if (!any(wave[i].amplitude)) {
+            continue;
+        }
+        const axt_two within = axt_two_product(wave[i].periods, fraction);
+        axt_real cycle = (within.hi - nearest(within.hi)) + within.lo;
+        const axt_real part = wave[i].periods - nearest(wave[i].periods);
+        if (any(part)) { /* whole periods a turn say the same in every turn */
+            const axt_two before = axt_two_product(part, (axt_real)turns);
+            cycle += (before.hi - nearest(before.hi)) + before.lo;
+        }
+        sum += wave[i].amplitude * sine(cycle, wave[i].phase);
+    }
+    return sum;
+}
+
+/* The disturbance at the middle of the step that begins now; the cycle is moved on to its end. */
+static axt_real disturbance(axt_machine *machine, uint32_t place) {
+    const axt_disturbance *d = &machine->effects.disturbance[place];
+    if (!any(d->amplitude)) {
+        return AXT_R(0);
+    }
+    const axt_real step = machine->cycles_per_step[place];
+    const axt_real middle = machine->cycle[place] + AXT_R(0.5) * step;
+    const axt_two next = axt_two_sum(machine->cycle[place], step + machine->cycle_low[place]);
+    machine->cycle[place] = next.hi - nearest(next.hi);
+    machine->cycle_low[place] = next.lo;
+    return d->amplitude * sine(middle, d->phase);
+}
+
+/* ---- The step ------------------------------------------------------------------------------- */
+
+/* What a step is made of: constant while its equations are solved. */
+typedef struct {
+    axt_shaft shaft;
+    axt_real twist_speed;
+    axt_real inertia[2]; /* with viscous friction and the further mode: a, b */
+    axt_real impulse[2]; /* of all but shaft and dry friction [N m s] */
+    axt_real dry[2];     /* growth of dry friction x Dt [s]; 0: none */
+    uint32_t sweeps;
+} step_terms;
+
+/* The part of the step that lies after the change of the load. */
+static axt_real part_loaded(const axt_machine *machine) {
+    const axt_real since = ((axt_real)machine->steps - machine->load_step) + AXT_R(1);
+    return not_negative((since < AXT_R(1)) ? since : AXT_R(1));
+}
+
+static void find_terms(axt_machine *machine, axt_real torque, step_terms *terms) {
+    const axt_effects *effects = &machine->effects;
+    const axt_real h = machine->time_step;
+    const axt_real time = ((axt_real)machine->steps + AXT_R(0.5)) * h;
+    const axt_real middle = AXT_R(0.5) * h * turns_per_rad * machine->speed[0];
+    const axt_real ripple =
+        waves(effects->torque_ripple, machine->motion.fraction + middle, machine->motion.turns);
+    const axt_real pull =
+        machine->mode_inertia * (AXT_R(1) - machine->mode_share) *
+        axt_fma(machine->mode_pull, machine->mode_twist, machine->mode_drag * machine->mode_speed);
+    const axt_real load = AXT_R(1) + effects->load_change.ratio * part_loaded(machine);
+    const axt_real acting[2] = {torque + ripple, -pull};
+    const axt_real inertia[2] = {machine->axis.I1, machine->axis.I2 * load +
+                                                       machine->mode_inertia * machine->mode_share};
+
+    terms->shaft.stiffness =
+        machine->axis.K * not_negative(AXT_R(1) + effects->stiffness_drift * time);
+    terms->shaft.damping = machine->axis.B;
+    terms->shaft.hardening = effects->stiffness_hardening;
+    terms->shaft.play = AXT_R(0.5) * effects->backlash;
+    terms->twist_speed =
+        (machine->speed[0] - machine->speed[1]) + (machine->speed_low[0] - machine->speed_low[1]);
+    uint32_t dry = 0;
+    bool constant = true;
+    for (uint32_t i = 0; i < 2; i++) {
+        const axt_friction *friction = &effects->friction[i];
+        const axt_real grown = not_negative(AXT_R(1) + friction->drift * time);
+        const axt_real viscous = friction->viscous * grown;
+        terms->inertia[i] = inertia[i] + AXT_R(0.5) * h * viscous;
+        terms->impulse[i] = h * (acting[i] + effects->torque_offset[i] + disturbance(machine, i) -
+                                 viscous * machine->speed[i]);
+        terms->dry[i] = AXT_R(0);
+        if (any(friction->coulomb) || any(friction->stribeck)) {
+            terms->dry[i] = h * grown;
+            dry++;
+            constant = constant && !any(friction->stribeck);
+        }
+    }
+    const bool plain = !any(terms->shaft.hardening) && !any(terms->shaft.play);
+    terms->sweeps = (plain && constant && dry < 2) ? 1 : SWEEPS;
+}
+
+/* The speeds at the end of the step, and by how much they change: kept apart for the digits. */
+typedef struct {
+    axt_real change[2];
+    axt_real end[2];
+    bool held[2];
+} step_speeds;
+
+static void solve(const axt_machine *machine, const step_terms *terms, step_speeds *found) {
+    const axt_real half = AXT_R(0.5) * machine->time_step;
+    const axt_real *start = machine->speed;
+    const axt_real v = terms->twist_speed;
+    const axt_real twist = machine->motion.twist;
+    found->end[0] = start[0];
+    found->end[1] = start[1];
+    axt_real impulse[2] = {AXT_R(0), AXT_R(0)};
+    axt_real most[2] = {AXT_R(0), AXT_R(0)}; /* impulses of dry friction */
+    axt_real rate = v;
+    for (uint32_t sweep = 0; sweep < terms->sweeps; sweep++) {
+        const axt_shaft_torque shaft =
+            axt_shaft_mean(&terms->shaft, twist, rate, machine->time_step);
+        const axt_real through = machine->time_step * axt_fma(shaft.slope, v - rate, shaft.torque);
+        const axt_real coupling = half * shaft.slope;
+        const axt_real a = terms->inertia[0];
+        const axt_real b = terms->inertia[1];
+        const axt_real scale = AXT_R(1) / (a * b + (a + b) * coupling);
+        const axt_real compliance[2] = {(b + coupling) * scale, (a + coupling) * scale};
+        const axt_real cross = coupling * scale;
+        const axt_real smooth[2] = {terms->impulse[0] - through, terms->impulse[1] + through};
+
+        for (uint32_t i = 0; i < 2; i++) {
+            if (any(terms->dry[i]) && sweep < 2) { /* the limit depends on the speed but little */
+                const axt_real mean = AXT_R(0.5) * (start[i] + found->end[i]);
+                most[i] = terms->dry[i] * axt_friction_limit(&machine->effects.friction[i], mean);
+            }
+            const axt_real other = smooth[1 - i] + impulse[1 - i];
+            const axt_real change = compliance[i] * smooth[i] + cross * other;
+            axt_friction_end end = {.speed = start[i] + change};
+            if (any(terms->dry[i])) {
+                end = axt_friction_step(start[i], end.speed, compliance[i], most[i]);
+            }
+            impulse[i] = end.impulse;
+            found->end[i] = end.speed;
+            found->held[i] = end.held;
+            found->change[i] =
+                end.held ? end.speed - start[i] : change + compliance[i] * impulse[i];
+        }
+        if (!found->held[0]) { /* the table's friction has changed since */
+            found->change[0] =
+                compliance[0] * (smooth[0] + impulse[0]) + cross * (smooth[1] + impulse[1]);
+            found->end[0] = start[0] + found->change[0];
+        }
+        const axt_real last = rate;
+        rate = v + AXT_R(0.5) * (found->change[0] - found->change[1]);
+        /* less than the twist's last digit */
+        if (!(axt_abs(rate - last) >
+              AXT_EPSILON * (axt_abs(rate) + axt_abs(twist) * machine->plant.steps_per_second))) {
+            break;
+        }
+    }
+}
+
+static bool bounded(const step_speeds *speeds) {
+    return axt_finite(speeds->change[0]) && axt_finite(speeds->change[1]);
+}
+
+static void move(axt_machine *machine, const step_speeds *speeds, axt_real twist_speed) {
+    const axt_real half = AXT_R(0.5) * machine->time_step;
+    const axt_real before[2] = {machine->speed[0], machine->speed[1]};
+    for (uint32_t i = 0; i < 2; i++) {
+        axt_two speed = {speeds->end[i], AXT_R(0)};
+        if (!speeds->held[i]) {
+            speed = axt_two_sum(before[i], speeds->change[i] + machine->speed_low[i]);
+        }
+        machine->speed[i] = limit(speed.hi, machine->speed_max);
+        machine->speed_low[i] = speed.lo;
+    }
+    const axt_real rate =
+        (machine->speed[0] - machine->speed[1]) + (machine->speed_low[0] - machine->speed_low[1]);
+    machine->motion.twist =
+        limit(axt_fma(half, twist_speed + rate, machine->motion.twist), twist_max);
+    advance(&machine->motion, half * turns_per_rad * (before[0] + machine->speed[0]));
+
+    if (any(machine->mode_inertia)) {
+        const axt_real pull = axt_fma(machine->mode_pull, machine->mode_twist,
+                                      machine->mode_drag * machine->mode_speed);
+        const axt_real own = machine->time_step * (AXT_R(1) - machine->mode_share) * pull;
+        const axt_real change = speeds->change[1] * (AXT_R(1) - machine->mode_share) - own;
+        const axt_real mode_speed =
+            limit(machine->mode_speed + change, AXT_R(2) * machine->speed_max);
+        machine->mode_twist =
+            limit(axt_fma(half, machine->mode_speed + mode_speed, machine->mode_twist), twist_max);
+        machine->mode_speed = mode_speed;
+    }
+}
+
+static axt_status step_with_effects(axt_machine *machine, axt_real torque) {
+    const axt_real mean = (machine->course == AXT_TORQUE_HELD)
+                              ? machine->torque
+                              : AXT_R(0.5) * (machine->torque + torque);
+    step_terms terms;
+    step_speeds speeds;
+    find_terms(machine, mean, &terms);
+    solve(machine, &terms, &speeds);
+    machine->torque = torque;
+    if (machine->steps < UINT32_MAX) {
+        machine->steps++;
+    }
+    if (!bounded(&speeds)) {
+        return AXT_ERROR_RANGE;
+    }
+    move(machine, &speeds, terms.twist_speed);
+    return AXT_OK;
+}
+
+axt_status axt_machine_step(axt_machine *machine, axt_real torque) {
+    axt_real command = torque;
+    if (!(axt_abs(torque) <= machine->plant.half_turn)) { /* the plant's own limit */
+        machine->rejected++;
+        return axt_finite(torque) ? AXT_ERROR_RANGE : AXT_ERROR_NOT_FINITE;
+    }
+    if (machine->delays) {
+        remember_torque(&machine->past, torque);
+        command = torque_ago(&machine->past, machine->torque_delay);
+    }
+    command = delivered(machine, command);
+    const axt_status status = machine->ideal ? axt_plant_step(&machine->plant, command)
+                                             : step_with_effects(machine, command);
+    machine->rejected += (status != AXT_OK);
+    if (machine->delays) {
+        axt_machine_read(machine, &machine->past.motion[machine->past.newest]);
+    }
+    return status;
+}
+
+/* ---- Encoders ------------------------------------------------------------------------------- */
+
+static axt_real angle_between(const axt_motion *from, const axt_motion *to, uint32_t place) {
+    const axt_real turns = (axt_real)axt_wrap_add(to->turns, -from->turns);
+    const axt_real motor = AXT_TWO_PI * ((turns + (to->fraction - from->fraction)) +
+                                         (to->fraction_low - from->fraction_low));
+    return (place == AXT_ENCODER_TABLE) ? motor - (to->twist - from->twist) : motor;
+}
+
+static axt_real speed_of(const axt_motion *motion, uint32_t place) {
+    return (place == AXT_ENCODER_TABLE) ? motion->speed - motion->twist_speed : motion->speed;
+}
+
+/* How far the axis was from where it is now [rad], and its speed then: between two steps a cubic
+ * through both positions with both speeds (Hermite's). */
+static axt_real angle_ago(const axt_machine *machine, uint32_t place, axt_real *speed) {
+    const axt_past *past = &machine->past;
+    const axt_delay delay = machine->encoder_delay[place];
+    const axt_motion *later = &past->motion[ago(past, delay.steps)];
+    const axt_motion *earlier = &past->motion[ago(past, delay.steps + 1)];
+    const axt_real back = angle_between(later, earlier, place);
+    const axt_real slope[2] = {-machine->time_step * speed_of(later, place),
+                               -machine->time_step * speed_of(earlier, place)};
+    const axt_real square = AXT_R(3) * back - AXT_R(2) * slope[0] - slope[1];
+    const axt_real cube = slope[0] + slope[1] - AXT_R(2) * back;
+    *speed = axt_fma(delay.part, speed_of(earlier, place) - speed_of(later, place),
+                     speed_of(later, place));
+    return angle_between(&past->motion[past->newest], later, place) +
+           delay.part * axt_fma(delay.part, axt_fma(delay.part, cube, square), slope[0]);
+}
+
+/* The nearest multiple of 1 / counts, to the digits of two numbers. */
+static axt_two quantise(axt_two fraction, axt_real counts) {
+    if (!any(counts)) {
+        return fraction;
+    }
+    const axt_two scaled = axt_two_product(counts, fraction.hi);
+    const axt_real whole = nearest(scaled.hi);
+    const axt_real count =
+        whole + nearest((scaled.hi - whole) + (scaled.lo + counts * fraction.lo));
+    const axt_real quotient = count / counts;
+    const axt_two back = axt_two_product(quotient, counts);
+    return (axt_two){quotient, ((count - back.hi) - back.lo) / counts};
+}
+
+void axt_machine_measure(const axt_machine *machine, axt_motion *motion) {
+    axt_machine_read(machine, motion);
+    if (!machine->encodes) {
+        return;
+    }
+    const axt_effects *effects = &machine->effects;
+    axt_two reading[2];
+    axt_real speed[2];
+    for (uint32_t i = 0; i < 2; i++) {
+        axt_real late = AXT_R(0); /* [rad] */
+        speed[i] = speed_of(motion, i);
+        if (any(effects->encoder_delay[i])) {
+            late = angle_ago(machine, i, &speed[i]);
+        }
+        const axt_real behind = (i == AXT_ENCODER_TABLE) ? late - motion->twist : late;
+        const axt_two seen =
+            axt_two_sum(motion->fraction, motion->fraction_low + behind * turns_per_rad);
+        axt_real error = AXT_R(0);
+        if (any(effects->encoder_eccentricity[i].amplitude)) {
+            error = effects->encoder_eccentricity[i].amplitude *
+                    sine(seen.hi, effects->encoder_eccentricity[i].phase);
+        }
+        if (i == AXT_ENCODER_TABLE) {
+            error += waves(effects->lead_error, seen.hi, motion->turns);
+        }
+        const axt_two shown = axt_two_sum(seen.hi, seen.lo + error * turns_per_rad);
+        reading[i] = quantise(shown, effects->quantisation[i]);
+    }
+    motion->fraction = reading[0].hi;
+    motion->fraction_low = reading[0].lo;
+    motion->twist =
+        AXT_TWO_PI * ((reading[0].hi - reading[1].hi) + (reading[0].lo - reading[1].lo));
+    motion->speed = speed[0];
+    motion->twist_speed = speed[0] - speed[1];
+}
