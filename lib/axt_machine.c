@@ -378,8 +378,8 @@ static void solve(const axt_machine *machine, const step_terms *terms, step_spee
         const axt_real last = rate;
         rate = v + AXT_R(0.5) * (found->change[0] - found->change[1]);
         /* less than the twist's last digit */
-        if (!(axt_abs(rate - last) >
-              AXT_EPSILON * (axt_abs(rate) + axt_abs(twist) * machine->plant.steps_per_second))) {
+        const axt_real size = axt_fma(machine->time_step, axt_abs(rate), axt_abs(twist));
+        if (!(machine->time_step * axt_abs(rate - last) > AXT_EPSILON * size)) {
             break;
         }
     }
