@@ -27,6 +27,7 @@ help:
 
 PACKAGES_build := gcc libc6-dev python3-venv python3-dev iproute2 libmodbus-dev
 PACKAGES_check := clang clang-format clang-tidy cppcheck shellcheck pkg-config
+PACKAGES_hil   := iproute2 can-utils
 PACKAGES_size  := gcc-arm-none-eabi gcc-riscv64-unknown-elf
 
 $(BUILD)/packages-%: Makefile tests/tools/debian-packages
@@ -173,7 +174,7 @@ ALL     := $(QUICK) $(filter-out $(QUICK),$(VARIANTS:%=unit-%)) races size insta
 host-tests: $(VENV)/.host-test $(EMULATORS)
 	$(PYTEST) -qq --junitxml=$(RESULTS)/$@.xml tests/host
 
-hil: $(VENV)/.host-test $(EMULATORS)
+hil: $(VENV)/.host-test $(EMULATORS) | $(BUILD)/packages-hil
 	tests/tools/with-vcan $(PYTEST) -qq --junitxml=$(RESULTS)/$@.xml tests/hil
 
 lint-ruff: $(VENV)/.host-test
