@@ -99,7 +99,7 @@ def flexible(n: int, counter: int = 0, seed: int = 0, step: float = STEP) -> Str
     packed["samples"]["motor"] = counts[:, 0].astype(np.int32).reshape(-1, MANY)
     packed["samples"]["table"] = counts[:, 1].astype(np.int32).reshape(-1, MANY)
     packed["samples"]["torque"] = torque.reshape(-1, MANY)
-    times: Times = BEGIN + step * MANY * np.arange(many)
+    times = np.asarray(BEGIN + step * MANY * np.arange(many), np.float64)
     payload = packed.view(np.uint8).reshape(-1, 64)
     sent = Frames(times, np.full(many, SAMPLES), np.full(many, 64), payload, 0)
     return Stream(torque, counts, sent, MANY)

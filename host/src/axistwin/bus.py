@@ -14,7 +14,7 @@ import logging
 import os
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +35,7 @@ from axistwin.errors import (
     NodeLostError,
 )
 from axistwin.frames import IDENTITY, short
+from axistwin.sharedbus import SharedBus
 
 #: A node that has sent no heartbeat for this long is gone, unless told otherwise: it sends one
 #: every 100 ms.
@@ -111,11 +112,18 @@ class NodeInfo:
         )
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of python-can's own tools, and which node to talk to, to a parser."""
+def add_arguments(parser: argparse.ArgumentParser, several: bool = False) -> None:
+    """Adds the options of python-can's own tools, and which node to talk to, to a parser.
+
+    With ``several`` nodes, --node may be given more than once: nodes_of() then makes them all.
+    """
     can.cli.add_bus_arguments(parser, group_title="bus")
     group = parser.add_argument_group("node")
-    group.add_argument("--node", type=int, default=1, metavar="ID", help="node id (default: 1)")
+    if several:
+        text = "node id; give it again for each further node (default: 1)"
+        group.add_argument("--node", type=int, action="append", metavar="ID", help=text)
+    else:
+        group.add_argument("--node", type=int, default=1, metavar="ID", help="node id (default: 1)")
     group.add_argument(
         "--wait",
         type=float,
@@ -208,11 +216,7 @@ class Node:
     def close(self) -> None:
         """Closes the bus. What the node does is left as it is."""
         if self._bus is not None:
-            # A carrier that has gone cannot be closed properly, and says so in many ways.
-            with contextlib.suppress(Exception):
-                self._bus.shutdown()
-            if isinstance(self._bus, slcan.SlcanBus):  # stays open where it could not say goodbye
-                self._bus.serialPortOrig.close()
+            _close(self._bus)
             self._bus = None
 
     def connect(self, wait: float, tell: Tell) -> NodeInfo:
@@ -228,7 +232,7 @@ class Node:
         while True:
             try:
                 if self._bus is None:
-                    self._open()
+                    self._bus = self._open_bus()
                 self.info = self._identify(deadline, tell)
                 self._gone = None  # what was heard before does not count
                 return self.info
@@ -311,10 +315,6 @@ class Node:
             what = f"{name} {argument:.10g}" if argument else name
             reason = _REFUSALS.get(result, f"result {result}")
             raise CommandRefusedError(f"node {self.id} refuses {what}: {reason}")
-
-    def _open(self) -> None:
-        self._bus = self._open_bus()
-        _enlarge_receive_buffer(self._bus)
 
     def _receive(self, timeout: float) -> can.Message | None:
         if self._bus is None:
@@ -415,6 +415,29 @@ def node_of(arguments: argparse.Namespace) -> Node:
 
     Raises InputError when the wire contract cannot be read or the node id is impossible.
     """
+    open_bus = _opener(arguments)
+    contract = load_contract(arguments.dbc)
+    return Node(open_bus, contract, arguments.node, arguments.heartbeat_timeout)
+
+
+@contextlib.contextmanager
+def nodes_of(arguments: argparse.Namespace) -> Iterator[tuple[SharedBus, list[Node]]]:
+    """All nodes that the arguments of add_arguments() name, and the bus that they share.
+
+    Raises InputError as node_of() does, and when a node is named twice.
+    """
+    ids = arguments.node or [1]
+    if len(set(ids)) < len(ids):
+        raise InputError("--node: each node once")
+    shared = SharedBus(_opener(arguments), _close)
+    contract = load_contract(arguments.dbc)
+    nodes = [Node(shared.open_port, contract, i, arguments.heartbeat_timeout) for i in ids]
+    with contextlib.ExitStack() as stack:
+        yield shared, [stack.enter_context(node) for node in nodes]
+
+
+def _opener(arguments: argparse.Namespace) -> Callable[[], can.BusABC]:
+    """What opens the bus that the arguments name. Raises InputError when they make no sense."""
     if not arguments.wait >= 0.0:
         raise InputError(f"--wait has to be 0 or more seconds, not {arguments.wait}")
     if not arguments.heartbeat_timeout > 0.0:
@@ -430,15 +453,24 @@ def node_of(arguments: argparse.Namespace) -> Node:
         merged = argparse.Namespace(**{**defaults, **vars(arguments)})
         name = f"{merged.interface} {merged.channel}"
         try:
-            return can.cli.create_bus_from_namespace(merged)
+            opened = can.cli.create_bus_from_namespace(merged)
         except argparse.ArgumentError as error:
             kind: type[AxisTwinError] = BusError
             if isinstance(error.__cause__, (ValueError, TypeError)):
                 kind = InputError
             raise kind(f"cannot open {name}: {_reason(error)}") from error
+        _enlarge_receive_buffer(opened)
+        return opened
 
-    contract = load_contract(arguments.dbc)
-    return Node(open_bus, contract, arguments.node, arguments.heartbeat_timeout)
+    return open_bus
+
+
+def _close(bus: can.BusABC) -> None:
+    # A carrier that has gone cannot be closed properly, and says so in many ways.
+    with contextlib.suppress(Exception):
+        bus.shutdown()
+    if isinstance(bus, slcan.SlcanBus):  # stays open where it could not say goodbye
+        bus.serialPortOrig.close()
 
 
 def _defaults(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -58,6 +58,11 @@ class Contract:
         """Number of payload bytes of a message."""
         return self.messages[message].length
 
+    def samples(self, message: str) -> int:
+        """How many samples a message of the stream carries."""
+        names = [signal.name for signal in self.messages[message].signals]
+        return max(1, sum(name.startswith("MotorPosition") for name in names))
+
     def signal(self, message: str, name: str) -> Signal:
         """A signal by name; InputError when this contract has none of that name."""
         try:

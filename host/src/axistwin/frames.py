@@ -375,7 +375,7 @@ class _Reader:
     def assemble(
         self, motor: _Channel, table: _Channel, message: str, at: int, count: int, time_step: float
     ) -> Record:
-        """A record of ``count`` samples from both encoders; what was reported by row ``at`` holds."""
+        """A record of ``count`` samples of both encoders; what was reported by row ``at`` holds."""
         motor_counts, table_counts = self.counts(at)
         if len(table) == 0:
             table_counts = None
@@ -458,7 +458,7 @@ class _Reader:
 
 
 _STREAMED = ("Motor", "Table", "Samples")
-_TABLE, _SAMPLES = 1, 2
+_TABLE = 1
 
 
 class _Stream(_Reader):
@@ -485,7 +485,8 @@ class _Stream(_Reader):
         if not np.any(timed):
             raise InputError(f"{self.source}: holds no Motor frames of node {node.id}")
         clock = fit_clock(node.frames.time[rows[timed]], count[timed], time_step)
-        dense = self.densest(count, np.where(kind[rows] == _SAMPLES, self.samples_a_frame(), 1))
+        held = np.array([node.contract.samples(message) for message in self.messages])
+        dense = self.densest(count, held[kind[rows]])
         rows, count = rows[dense], count[dense] - count[dense].min()
         self.note(
             "out_of_order",
@@ -572,7 +573,7 @@ class _Stream(_Reader):
             once, same, others = self.once(rows[chosen], count[chosen], off[chosen])
             chosen = chosen[once]
             twice, different = twice + same, different + others
-            many = self.samples_a_frame() if i == _SAMPLES else 1
+            many = self.node.contract.samples(message)
             places = (count[chosen, None] + np.arange(many)).ravel()
             distance = np.repeat(off[chosen], many)
             torque, motor, table = self.columns(message, rows[chosen], many)
@@ -582,7 +583,7 @@ class _Stream(_Reader):
                 tables.append(_Channel(places, table, np.zeros_like(table), distance))
         motor_channel, motor_differs = _Channel.one_each(motors)
         table_channel, table_differs = _Channel.one_each(tables)
-        different += (motor_differs + table_differs) // (2 * self.samples_a_frame())
+        different += (motor_differs + table_differs) // (2 * self.node.contract.samples("Samples"))
         if _DIFFERENT_MAX * different > len(rows):
             raise InputError(
                 f"{self.source}: two nodes with id {self.node.id} send at the same time (frames "
@@ -619,11 +620,6 @@ class _Stream(_Reader):
         payload = self.node.frames.payload[rows[order]]
         differ = int(np.count_nonzero(np.any(payload != payload[first][place], axis=1)))
         return order[first], len(rows) - len(first) - differ, differ
-
-    def samples_a_frame(self) -> int:
-        """How many samples a Samples frame holds."""
-        signals = self.node.contract.messages["Samples"].signals
-        return sum(signal.name.startswith("MotorPosition") for signal in signals)
 
     def time_step(self, at: int) -> float:
         """Time between two samples by the node's clock [s]."""

@@ -1,4 +1,4 @@
-"""`axistwin log`: the live stream of a node into a bus log."""
+"""`axistwin log`: the live streams of nodes into a bus log."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
-from axistwin import bus, excitation
-from axistwin.errors import AxisTwinError, InputError, NodeLostError
+from axistwin import bus, excitation, frames, logfile
+from axistwin.errors import AxisTwinError, FileError, InputError, NodeLostError
 from axistwin.monitor import BusLoad, StreamMonitor
 from axistwin.output import write_json
 from axistwin.readers import buslog
+from axistwin.sharedbus import SharedBus
 from axistwin.terminal import Terminal
 
 _DEFAULT_BIT_RATE = 1_000_000
@@ -26,25 +28,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-f",
         "--file",
         metavar="FILE",
-        help="bus log to write; its ending says in which format: .log (candump), .asc, .blf, .mf4, "
-        ".trc, .csv, .db (default: axistwin-DATE-TIME.log)",
+        help="bus log to write; its ending says in which format: .log (candump, readable however "
+        "it ends), or made of such a log at the end: .asc .blf .mf4 .trc .csv (default: "
+        "axistwin-DATE-TIME.log)",
     )
     parser.add_argument(
         "--duration", type=float, metavar="S", help="stop after this time (default: Ctrl-C stops)"
     )
     parser.add_argument(
-        "--stream-rate", type=float, metavar="HZ", help="samples a second (default: the node's own)"
+        "--stream-rate",
+        type=float,
+        metavar="HZ",
+        help="samples a second (default: the node's own; with --fd every control period)",
     )
     parser.add_argument(
         "--json", metavar="FILE", help="write the summary here (-: standard output)"
     )
     excitation.add_arguments(parser)
-    bus.add_arguments(parser)
+    bus.add_arguments(parser, several=True)
 
 
 @dataclass
 class Gap:
-    """A time during which the node was not there: from when on [s], for how long [s], and why."""
+    """A time during which a node was not there: from when on [s], for how long [s], and why."""
 
     begin: float
     duration: float | None
@@ -52,25 +58,63 @@ class Gap:
 
 
 @dataclass
-class _Log:
-    """A log being written."""
+class _Stream:
+    """The stream of one node."""
 
     node: bus.Node
     monitor: StreamMonitor
+    gaps: list[Gap] = field(default_factory=list)
+    samples_before: int = 0
+
+    @property
+    def lost(self) -> bool:
+        """Has the node gone for good?"""
+        return bool(self.gaps) and self.gaps[-1].duration is None
+
+    def status(self, seconds: float) -> str:
+        """Part of the live line, ``seconds`` after the last time."""
+        rate = (self.monitor.samples - self.samples_before) / max(seconds, 1e-3)
+        self.samples_before = self.monitor.samples
+        return f"{rate:7.1f} samples/s  {self.monitor.samples} samples  {self.monitor.lost} lost"
+
+
+@dataclass
+class _Log:
+    """A log being written."""
+
+    streams: list[_Stream]
+    file: logfile.LogFile
     load: BusLoad
     terminal: Terminal
     begin: float = field(default_factory=time.monotonic)
-    gaps: list[Gap] = field(default_factory=list)
+    shown: float = field(default_factory=time.monotonic)
+
+    @property
+    def running(self) -> list[_Stream]:
+        """The streams of nodes that have not gone for good."""
+        return [stream for stream in self.streams if not stream.lost]
 
     def elapsed(self) -> float:
         """Time since the start [s]."""
         return time.monotonic() - self.begin
 
-    def status(self, load: float, rate: float) -> str:
-        """The live line."""
+    def show(self) -> None:
+        """Says how it goes, where it is time to."""
+        if self.terminal.due():
+            now = time.monotonic()
+            self.terminal.live(self.status(now - self.shown, self.load.recent()))
+            self.shown = now
+
+    def status(self, seconds: float, load: float) -> str:
+        """The live line: what has come in the last ``seconds``, and the bus ``load``."""
+        several = len(self.streams) > 1
+        parts = [
+            (f"node {stream.node.id}: " if several else "") + stream.status(seconds)
+            for stream in self.streams
+        ]
+        errors = max(stream.node.errors for stream in self.streams)
         return (
-            f"{self.elapsed():7.1f} s  {rate:7.1f} samples/s  {self.monitor.samples} samples  "
-            f"{self.monitor.lost} lost  {self.node.errors} bus errors  "
+            f"{self.elapsed():7.1f} s  {'  '.join(parts)}  {errors} bus errors  "
             f"bus load {100.0 * load:.1f} % of {self.load.bit_rate / 1e6:g} Mbit/s"
         )
 
@@ -83,44 +127,59 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.duration is not None and not arguments.duration > 0.0:
         raise InputError(f"--duration has to be a positive time, not {arguments.duration}")
     path = Path(arguments.file or f"axistwin-{datetime.now():%Y%m%d-%H%M%S}.log")
+    buslog.check_writable(path)
     terminal = Terminal()
-    with bus.node_of(arguments) as node:
-        info = node.connect(arguments.wait, terminal.note)
-        terminal.note(f"node {node.id}: {info}")
+    failure: AxisTwinError | None = None
+    with bus.nodes_of(arguments) as (shared, nodes):
+        for node in nodes:
+            terminal.note(f"node {node.id}: {node.connect(arguments.wait, terminal.note)}")
         log = _Log(
-            node,
-            StreamMonitor(node.contract, node.id),
-            BusLoad(getattr(arguments, "bitrate", None) or _DEFAULT_BIT_RATE),
+            [_Stream(node, StreamMonitor(node.contract, node.id)) for node in nodes],
+            logfile.LogFile(path, terminal),
+            BusLoad(
+                getattr(arguments, "bitrate", None) or _DEFAULT_BIT_RATE,
+                getattr(arguments, "data_bitrate", None),
+            ),
             terminal,
         )
-        failure: NodeLostError | None = None
-        with buslog.writing(path) as write:
-            node.sinks += [write, log.monitor, log.load]
-            try:
-                with _streaming(log, arguments), excitation.excited(node, arguments):
-                    _stream(log, arguments)
-            except NodeLostError as error:
-                failure = error
-            except KeyboardInterrupt:
-                terminal.note("stopped")
+        try:
+            with log.file:
+                _collect(log, shared, arguments)
+        except (NodeLostError, FileError) as error:
+            failure = error
         terminal.clear()
     _report(log, path, arguments.json)
     if failure is not None:
         raise failure
-    return NodeLostError.exit_code if log.gaps else 0
+    return NodeLostError.exit_code if any(stream.gaps for stream in log.streams) else 0
+
+
+def _collect(log: _Log, shared: SharedBus, arguments: argparse.Namespace) -> None:
+    """Has the nodes send their streams into the log until the end; the nodes are left as found."""
+    shared.sinks += [log.file, log.load, *(stream.monitor for stream in log.streams)]
+    try:
+        with contextlib.ExitStack() as stack:
+            for stream in log.streams:
+                stack.enter_context(_streaming(stream.node, arguments))
+                stack.enter_context(excitation.excited(stream.node, arguments))
+            _receive(log, arguments)
+    except KeyboardInterrupt:
+        log.terminal.note("stopped")
+    finally:
+        shared.sinks.clear()
 
 
 @contextlib.contextmanager
-def _streaming(log: _Log, arguments: argparse.Namespace) -> Iterator[None]:
+def _streaming(node: bus.Node, arguments: argparse.Namespace) -> Iterator[None]:
     """The stream runs inside; afterwards it is stopped unless it was found running."""
-    found = log.node.streaming
-    _start_stream(log.node, arguments)
+    found = node.streaming
+    _start_stream(node, arguments)
     try:
         yield
     finally:
         if not found:
             with contextlib.suppress(AxisTwinError):  # what ended this has been said already
-                log.node.command("StreamStop")
+                node.command("StreamStop")
 
 
 def _start_stream(node: bus.Node, arguments: argparse.Namespace) -> None:
@@ -133,69 +192,117 @@ def _start_stream(node: bus.Node, arguments: argparse.Namespace) -> None:
             raise InputError(f"--stream-rate has to be positive and at most {rate:.6g} Hz")
         decimation = round(rate / arguments.stream_rate)
     node.command("Identify")
-    node.command("StreamStart", decimation)
+    node.command("StreamStartFd" if getattr(arguments, "fd", False) else "StreamStart", decimation)
 
 
-def _stream(log: _Log, arguments: argparse.Namespace) -> None:
-    """Receives until the time is over; a node that has gone is waited for."""
+def _receive(log: _Log, arguments: argparse.Namespace) -> None:
+    """Receives until the time is over; a node that has gone is waited for.
+
+    Raises NodeLostError when none is left.
+    """
     end = time.monotonic() + (arguments.duration or float("inf"))
-    before, at = log.monitor.samples, time.monotonic()
     while (now := time.monotonic()) < end:
-        try:
-            log.node.poll(min(0.1, end - now))
-        except NodeLostError as error:
-            _resume(log, arguments, error)
-        if log.terminal.due():
-            now = time.monotonic()
-            rate = (log.monitor.samples - before) / max(now - at, 1e-3)
-            before, at = log.monitor.samples, now
-            log.terminal.live(log.status(log.load.recent(), rate))
+        timeout = min(0.1, end - now)
+        for stream in log.running:
+            try:
+                stream.node.poll(timeout)
+            except NodeLostError as error:
+                _resume(log, stream, arguments, error)
+            timeout = 0.0  # the first has waited for all of them
+        log.file.check()
+        log.show()
 
 
-def _resume(log: _Log, arguments: argparse.Namespace, reason: NodeLostError) -> None:
-    """Waits for the node to come back and starts the stream again.
+def _resume(
+    log: _Log, stream: _Stream, arguments: argparse.Namespace, reason: NodeLostError
+) -> None:
+    """Waits for a node to come back and starts its stream again.
 
-    Raises NodeLostError when it does not come back.
+    Raises NodeLostError when it does not come back and it was the last one.
     """
     gap = Gap(log.elapsed(), None, str(reason))
-    log.gaps.append(gap)
+    stream.gaps.append(gap)
     log.terminal.note(f"{reason}; waiting up to {arguments.wait:g} s for it")
+    node = stream.node
     try:
-        log.node.connect(arguments.wait, lambda _: None)
-        log.monitor.start_afresh()
-        _start_stream(log.node, arguments)
+        node.connect(arguments.wait, lambda _: None)
+        stream.monitor.start_afresh()
+        _start_stream(node, arguments)
         if arguments.excite:
-            excitation.switch_on(log.node, arguments)
+            excitation.switch_on(node, arguments)
     except AxisTwinError as error:
-        raise NodeLostError(f"{reason} and has not come back ({error})") from error
+        gone = NodeLostError(f"{reason} and has not come back ({error})")
+        if not log.running:
+            raise gone from error
+        log.terminal.note(f"{gone}; the others go on")
+        return
     gap.duration = log.elapsed() - gap.begin
-    log.terminal.note(f"node {log.node.id} is back after {gap.duration:.1f} s")
+    log.terminal.note(f"node {node.id} is back after {gap.duration:.1f} s")
 
 
 def _report(log: _Log, path: Path, json_file: str | None) -> None:
-    """Says what is in the log, and what is not."""
+    """Says what is in the log, and what is not: read from the log itself."""
     duration = log.elapsed()
-    rate = log.monitor.samples / max(duration, 1e-3)
-    log.terminal.note(log.status(log.load.mean(), rate).strip())
-    for gap in log.gaps:
-        lasted = "to the end" if gap.duration is None else f"for {gap.duration:.1f} s"
-        log.terminal.note(f"gap from {gap.begin:.1f} s on, {lasted}: {gap.reason}")
+    for stream in log.streams:
+        stream.samples_before = 0
+    log.terminal.note(log.status(duration, log.load.mean()).strip())
+    for stream in log.streams:
+        for gap in stream.gaps:
+            lasted = "to the end" if gap.duration is None else f"for {gap.duration:.1f} s"
+            log.terminal.note(f"gap from {gap.begin:.1f} s on, {lasted}: {gap.reason}")
+    nodes = [_summary(stream, duration, found) for stream, found in _records(log, path)]
     if json_file != "-":
         print(path)
     if json_file is not None:
-        assert log.node.info is not None
         write_json(
             json_file,
             {
-                "schema": "axistwin.log/1",
+                "schema": "axistwin.log/2",
                 "file": str(path),
-                "node": {"id": log.node.id, **asdict(log.node.info)},
                 "duration_s": duration,
-                "samples": log.monitor.samples,
-                "lost": log.monitor.lost,
-                "rate_hz": rate,
-                "bus_errors": log.node.errors,
+                "samples": sum(stream.monitor.samples for stream in log.streams),
+                "lost": sum(stream.monitor.lost for stream in log.streams),
+                "bus_errors": max(stream.node.errors for stream in log.streams),
                 "bus_load": log.load.mean(),
-                "gaps": [asdict(gap) for gap in log.gaps],
+                "gaps": [asdict(gap) for stream in log.streams for gap in stream.gaps],
+                "nodes": nodes,
             },
         )
+
+
+def _records(log: _Log, path: Path) -> Iterator[tuple[_Stream, dict[str, Any]]]:
+    """What the log holds of each node: the facts about its record, or why there is none."""
+    contract = log.streams[0].node.contract
+    source = path if path.exists() else logfile.journal_of(path)
+    try:
+        found, damage = buslog.read_frames(source)
+    except (InputError, OSError) as error:
+        for stream in log.streams:
+            yield stream, {"error": str(error)}
+        return
+    for stream in log.streams:
+        number = stream.node.id
+        try:
+            settings = frames.Settings(node=number)
+            record = frames.decode(found, contract, str(source), settings, "stream", damage)
+        except InputError as error:
+            log.terminal.note(str(error))
+            yield stream, {"error": str(error)}
+            continue
+        for warning in record.warnings:
+            log.terminal.note(f"node {number}: {warning}")
+        yield stream, {**record.meta["frames"], "warnings": list(record.warnings)}
+
+
+def _summary(stream: _Stream, duration: float, found: dict[str, Any]) -> dict[str, Any]:
+    """The summary of one node."""
+    assert stream.node.info is not None
+    return {
+        "id": stream.node.id,
+        **asdict(stream.node.info),
+        "samples": stream.monitor.samples,
+        "lost": stream.monitor.lost,
+        "rate_hz": stream.monitor.samples / max(duration, 1e-3),
+        "gaps": [asdict(gap) for gap in stream.gaps],
+        "record": found,
+    }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import io
 import sqlite3
 from collections.abc import Iterator
@@ -30,8 +31,13 @@ def endings() -> tuple[str, ...]:
 
 
 def writable_endings() -> tuple[str, ...]:
-    """Endings of the names of files that python-can writes."""
-    return tuple(MESSAGE_WRITERS)
+    """Endings of the names of files that python-can writes, and reads back whole.
+
+    Its SQLite writer does not bring everything to the file when it is stopped.
+    """
+    return tuple(
+        ending for ending in MESSAGE_WRITERS if ending in MESSAGE_READERS and ending != ".db"
+    )
 
 
 def is_csv_log(path: Path) -> bool:
@@ -126,6 +132,16 @@ def _check_database(path: Path) -> None:
         found = file.execute("PRAGMA quick_check(1)").fetchone()[0]
     if found != "ok":
         raise InputError(f"the database is damaged ({found})")
+
+
+def check_writable(path: Path) -> None:
+    """Raises InputError when the ending of this name is not that of a bus log."""
+    ending = path.suffix.lower()
+    if ending not in writable_endings():
+        known = " ".join(sorted(writable_endings()))
+        raise InputError(f"cannot write {path}: its ending is none of {known}")
+    if ending == ".mf4" and importlib.util.find_spec("asammdf") is None:
+        raise InputError(f"cannot write {path}: {_INSTALL_MF4}")
 
 
 @contextlib.contextmanager

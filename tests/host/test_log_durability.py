@@ -1,0 +1,191 @@
+"""Whatever ends a log, what came up to a second before is in it: real processes, a real full disk.
+
+The emulated drive is on a pseudo-terminal, so these tests need no CAN interface.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from axistwin.readers import buslog, read_record
+
+REPOSITORY = Path(__file__).resolve().parent.parent.parent
+EMULATOR = os.environ.get("AXISTWIN_EMULATOR") or str(REPOSITORY / "build" / "axistwin-emulator")
+RATE = 500.0
+# A process may have to wait for its turn on a busy machine longer than a drive would.
+PATIENCE = ("--heartbeat-timeout", "3")
+START_MAX = 60.0
+
+
+@pytest.fixture
+def drive(tmp_path: Path) -> Iterator[Path]:
+    """An emulated drive; its line."""
+    line = tmp_path / "line"
+    command = [EMULATOR, "--bus", f"pty:{line}", "--stream-rate", str(RATE)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert "node 1 on" in process.stdout.readline()
+        yield line
+        assert process.poll() is None
+        process.terminate()
+        process.communicate(timeout=30)
+
+
+def command(line: Path, log: Path, *arguments: str) -> list[str]:
+    bus = ("-i", "slcan", "-c", str(line), *PATIENCE)
+    return [sys.executable, "-m", "axistwin", "log", *bus, "-f", str(log), *arguments]
+
+
+def grown(file: Path, size: int) -> None:
+    """Waits until the log has this size."""
+    end = time.monotonic() + START_MAX
+    while not (file.exists() and file.stat().st_size >= size):
+        assert time.monotonic() < end, f"{file} does not grow"
+        time.sleep(0.02)
+
+
+def in_namespace(script: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Runs a shell script where it may mount things that nobody else sees."""
+    as_root = [] if os.geteuid() == 0 else ["--map-root-user"]
+    return subprocess.run(
+        ["unshare", "--mount", *as_root, "sh", "-euc", script, "sh", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("ending", [".log", ".blf", ".mf4"])
+def test_a_logger_that_is_killed_leaves_all_but_the_last_second(
+    drive: Path, tmp_path: Path, ending: str
+) -> None:
+    log = tmp_path / f"run{ending}"
+    written = log if ending == ".log" else tmp_path / f"run{ending}.log"
+    with subprocess.Popen(command(drive, log), stderr=subprocess.PIPE, text=True) as process:
+        grown(written, 100_000)
+        killed = time.time()
+        process.kill()
+        process.communicate()
+    found, _ = buslog.read_frames(written)
+    assert found.time[-1] >= killed - 1.0
+    record = read_record(written)
+    assert len(record.missing) == 0
+    assert len(record) > 500
+    if written != log:
+        before = written.read_bytes()
+        again = subprocess.run(
+            command(drive, log, "--duration", "1"), capture_output=True, text=True, check=False
+        )
+        assert again.returncode == 2
+        assert f"{written} is there: a log that was not completed" in again.stderr
+        assert written.read_bytes() == before
+
+
+@pytest.mark.parametrize("ending", [".log", ".mf4"])
+def test_a_full_disk_ends_the_log_and_keeps_it(drive: Path, tmp_path: Path, ending: str) -> None:
+    disk, copy = tmp_path / "disk", tmp_path / "copy.log"
+    disk.mkdir()
+    log = disk / f"run{ending}"
+    script = """
+        mount -t tmpfs -o size=128k tmpfs "$1"; written=$2; copy=$3; shift 3
+        status=0; "$@" || status=$?
+        cp "$written" "$copy"
+        exit $status"""
+    written = log if ending == ".log" else disk / f"run{ending}.log"
+    ran = in_namespace(script, str(disk), str(written), str(copy), *command(drive, log, "--excite"))
+    assert ran.returncode == 3, ran.stderr
+    assert (
+        f"cannot write {written}: No space left on device; what came before is in it" in ran.stderr
+    )
+    assert "Traceback" not in ran.stderr
+    record = read_record(copy)
+    assert len(record) > 500
+    assert len(record.missing) == 0
+    stopped(drive, tmp_path)
+
+
+def test_a_disk_too_full_for_the_other_format_keeps_the_log(drive: Path, tmp_path: Path) -> None:
+    disk, copy = tmp_path / "disk", tmp_path / "copy.log"
+    disk.mkdir()
+    script = """
+        mount -t tmpfs -o size=256k tmpfs "$1"; log=$2; copy=$3; shift 3
+        status=0; "$@" || status=$?
+        [ ! -e "$log" ]
+        cp "$log.log" "$copy"
+        exit $status"""
+    log = disk / "run.asc"
+    arguments = command(drive, log, "--duration", "3")
+    ran = in_namespace(script, str(disk), str(log), str(copy), *arguments)
+    assert ran.returncode == 3, ran.stderr
+    assert f"No space left on device; what was logged is in {log}.log" in ran.stderr
+    assert len(read_record(copy)) > 500
+
+
+@pytest.mark.parametrize(
+    "loss", ['umount --lazy "$1"', 'rm "$1"/run.log', 'mv "$1"/run.log "$1"/other.log']
+)
+def test_a_log_that_is_taken_away_ends_it(drive: Path, tmp_path: Path, loss: str) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    log = disk / "run.log"
+    script = f"""
+        mount -t tmpfs tmpfs "$1"; folder=$1; shift
+        "$@" & logger=$!
+        set -- "$folder"
+        until [ -s "$1"/run.log ]; do sleep 0.05; done
+        sleep 0.5
+        {loss}
+        wait $logger"""
+    ran = in_namespace(script, str(disk), *command(drive, log))
+    assert ran.returncode == 3, ran.stderr
+    assert f"cannot write {log}: it was removed, or its file system has gone" in ran.stderr
+    assert "Traceback" not in ran.stderr
+    stopped(drive, tmp_path)
+
+
+def test_other_formats_are_made_of_the_log_at_the_end(drive: Path, tmp_path: Path) -> None:
+    for ending in (".asc", ".blf", ".mf4", ".trc", ".csv"):
+        log, summary = tmp_path / f"run{ending}", tmp_path / "run.json"
+        arguments = command(drive, log, "--duration", "1", "--json", str(summary))
+        subprocess.run(arguments, check=True, capture_output=True)
+        record = read_record(log)
+        assert len(record.missing) == 0
+        found = json.loads(summary.read_text())
+        assert len(record) == found["samples"] == found["nodes"][0]["record"]["samples"]
+        assert not (tmp_path / f"run{ending}.log").exists()
+
+
+def test_a_logger_that_is_told_to_end_completes_its_log(drive: Path, tmp_path: Path) -> None:
+    log = tmp_path / "run.blf"
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with subprocess.Popen(command(drive, log), stderr=subprocess.PIPE, text=True) as process:
+            grown(tmp_path / "run.blf.log", 20_000)
+            process.send_signal(number)
+            _, said = process.communicate(timeout=60)
+        assert process.returncode == 0, said
+        assert re.search("stopped", said)
+        assert len(read_record(log)) > 100
+
+
+def stopped(line: Path, folder: Path) -> None:
+    """Checks that the drive was left as it was found: no stream, no torque."""
+    trace = folder / "afterwards.csv"
+    bus = ("-i", "slcan", "-c", str(line), *PATIENCE)
+    arguments = [sys.executable, "-m", "axistwin", "trace", *bus, "-n", "100", "-f", str(trace)]
+    with contextlib.suppress(FileNotFoundError):
+        trace.unlink()
+    subprocess.run(arguments, check=True, capture_output=True)
+    record = read_record(trace)
+    assert (record.torque == 0.0).all()
