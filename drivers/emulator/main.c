@@ -78,8 +78,11 @@ static axt_status start_node(const axt_emulator_options *options, axt_emulated_a
         .apply_torque = axt_emulated_axis_apply_torque,
         .read_encoders = axt_emulated_axis_read_encoders,
     };
-    const axt_status status =
+    axt_status status =
         axt_emulated_axis_init(axis, &options->axis, config.control_period, config.counts_per_turn);
+    if (status == AXT_OK) {
+        status = axt_emulated_axis_set_effects(axis, &options->effects.effects);
+    }
     return (status == AXT_OK) ? axt_node_init(node, &config, &port) : status;
 }
 
@@ -149,9 +152,10 @@ int main(int argc, char **argv) {
             result = EXIT_FINE;
         }
     } else {
-        (void)fprintf(stderr,
-                      "axistwin-emulator: axis, period and encoders do not go together: %s\n",
-                      axt_status_string(status));
+        (void)fprintf(
+            stderr,
+            "axistwin-emulator: axis, effects, period and encoders do not go together: %s\n",
+            axt_status_string(status));
     }
     bus.can->close(bus.can);
     return result;

@@ -37,6 +37,10 @@ static const char usage[] =
     "  --forgetting LAMBDA   of the estimator, 0.9 to 1 (default: 0.99995)\n"
     "axis\n"
     "  --axis I1,I2,B,K      kg m2, kg m2, N m s/rad, N m/rad (default: the paper's Table 1)\n"
+    "  --effect EFFECT:LOCATION:PARAMETER=VALUE[,...]  what the axis does beyond Eq. 3, such as\n"
+    "                        friction_coulomb:table:torque=0.01; any number of them.\n"
+    "                        axistwin emulate --effects MODEL.TOML takes axis and effects from\n"
+    "                        a model file\n"
     "excitation\n"
     "  --excitation LENGTH,LINES[,RMS[,SEED]]  samples a period, harmonics from 1 on, N m,\n"
     "                        0 for Schroeder's phases or the seed of random ones\n"
@@ -69,6 +73,7 @@ enum {
     EXPECTED,
     FORGETTING,
     AXIS,
+    EFFECT,
     EXCITATION,
     EXCITE,
     STREAM,
@@ -95,6 +100,7 @@ static const struct option long_options[] = {
     {"expected", required_argument, NULL, EXPECTED},
     {"forgetting", required_argument, NULL, FORGETTING},
     {"axis", required_argument, NULL, AXIS},
+    {"effect", required_argument, NULL, EFFECT},
     {"excitation", required_argument, NULL, EXCITATION},
     {"excite", no_argument, NULL, EXCITE},
     {"stream", no_argument, NULL, STREAM},
@@ -287,6 +293,9 @@ static bool read_one(int option, axt_emulator_options *options, double *stream_r
         break;
     case AXIS:
         fine = read_axis("axis", text, &options->axis);
+        break;
+    case EFFECT:
+        fine = axt_emulator_add_effect(text, &options->effects);
         break;
     case EXCITATION:
         fine = read_excitation("excitation", text, &options->excitation);

@@ -8,6 +8,7 @@
 #include "axt_axis.h"
 #include "axt_can_pace.h"
 #include "axt_excitation.h"
+#include "effects.h"
 
 enum { AXT_EMULATOR_MODBUS_MAX = 4 }; /* servers */
 
@@ -21,6 +22,7 @@ typedef struct {
     double period;              /* of the control loop [s] */
     uint32_t stream_decimation; /* control periods between streamed samples */
     axt_axis axis;              /* what is emulated */
+    axt_emulator_effects effects;
     axt_axis expected;          /* what the estimator starts from */
     axt_real forgetting;
     uint32_t counts_per_turn[2]; /* motor, table */

@@ -1,4 +1,5 @@
-/* axt_emulated_axis.h - the axis of Eq. 3 with its two encoders, in the place of a real one.
+/* axt_emulated_axis.h - an axis, ideal or with effects, and its two encoders in the place of a real
+ * one.
  *
  * What a node's port needs of an axis: apply a torque, read the encoders.
  */
@@ -6,24 +7,28 @@
 #define AXT_EMULATED_AXIS_H
 
 #include "axt_encoder.h"
-#include "axt_plant.h"
+#include "axt_machine.h"
 
 typedef struct {
-    axt_plant plant;
+    axt_machine machine;
     uint32_t counts_per_turn[2]; /* encoders at motor and table */
 } axt_emulated_axis;
 
-/* At rest at angle 0. Fails as axt_plant_init(), and with AXT_ERROR_RANGE for counts a turn outside
- * 1 .. 2^24. */
+/* An ideal axis at rest at angle 0. Fails as axt_plant_init(), and with AXT_ERROR_RANGE for counts
+ * a turn outside 1 .. 2^24. */
 axt_status axt_emulated_axis_init(axt_emulated_axis *emulated, const axt_axis *axis,
                                   axt_real time_step, const uint32_t counts_per_turn[2]);
 
+/* The same axis with `effects`, at rest at angle 0 again. Fails as axt_effects_check(); the axis is
+ * then as it was. */
+axt_status axt_emulated_axis_set_effects(axt_emulated_axis *emulated, const axt_effects *effects);
+
 /* Moves the axis on by one control period, at the end of which `torque` [N m] acts. `axis` is an
- * axt_emulated_axis. Cost: that of axt_plant_step(). */
+ * axt_emulated_axis. Cost: that of axt_machine_step(). */
 void axt_emulated_axis_apply_torque(void *axis, axt_real torque);
 
 /* Reads both encoders. A place they cannot show (beyond any servo's reach) leaves `position` as it
- * is. Cost: about 100 operations. */
+ * is. Cost: that of axt_machine_measure() and about 60 operations. */
 void axt_emulated_axis_read_encoders(void *axis, int32_t position[2]);
 
 #endif
