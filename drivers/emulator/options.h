@@ -23,7 +23,7 @@ typedef struct {
     uint32_t stream_decimation; /* control periods between streamed samples */
     axt_axis axis;              /* what is emulated */
     axt_emulator_effects effects;
-    axt_axis expected;          /* what the estimator starts from */
+    axt_axis expected; /* what the estimator starts from */
     axt_real forgetting;
     uint32_t counts_per_turn[2]; /* motor, table */
     uint32_t rated_torque;       /* [mN m] */

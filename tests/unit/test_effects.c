@@ -3,6 +3,7 @@
  * anything, and no parameter or torque ends in a number that is none. How large each effect is, is
  * checked from Python against scipy (tests/host/test_effects.py). */
 #include "axt_catalogue.h"
+#include "axt_emulated_axis.h"
 #include "axt_encoder.h"
 #include "axt_machine.h"
 #include "check.h"
@@ -392,6 +393,30 @@ CASE(encoder_errors_are_those_of_their_formulas) {
     }
 }
 
+/* ---- The axis of an emulated drive ------------------------------------------------------------
+ */
+
+CASE(an_emulated_drive_can_have_a_worn_axis) {
+    const axt_effects stuck = {.friction = {{.coulomb = 1}}};
+    const axt_effects wrong = {.friction = {{.coulomb = -1}}};
+    const uint32_t counts[2] = {1048576, 1048576};
+    axt_emulated_axis axis;
+    CHECK_EQUAL(axt_emulated_axis_init(&axis, &axt_axis_paper, step_20khz, counts), AXT_OK);
+    CHECK_EQUAL(axt_emulated_axis_set_effects(&axis, &stuck), AXT_OK);
+    CHECK_EQUAL(axt_emulated_axis_set_effects(&axis, &wrong), AXT_ERROR_RANGE);
+    int32_t position[2] = {1, 1};
+    for (int n = 0; n < 100; n++) {
+        axt_emulated_axis_apply_torque(&axis, (axt_real)0.9);
+        axt_emulated_axis_read_encoders(&axis, position);
+        CHECK(position[0] == 0 && position[1] == 0);
+    }
+    for (int n = 0; n < 100; n++) {
+        axt_emulated_axis_apply_torque(&axis, 2);
+    }
+    axt_emulated_axis_read_encoders(&axis, position);
+    CHECK(position[0] > 0);
+}
+
 /* ---- Whatever comes in ----------------------------------------------------------------------- */
 
 static bool all_finite(const axt_motion *motion) {
@@ -533,6 +558,7 @@ int main(void) {
     RUN(an_encoder_that_is_late_shows_the_past);
     RUN(a_coarse_encoder_shows_the_nearest_of_its_counts);
     RUN(encoder_errors_are_those_of_their_formulas);
+    RUN(an_emulated_drive_can_have_a_worn_axis);
     RUN(no_parameter_and_no_torque_makes_a_number_that_is_none);
     RUN(a_parameter_that_is_no_number_is_refused_wherever_it_is);
     RUN(parameters_out_of_range_are_refused);

@@ -23,6 +23,7 @@ _VERBS = {
     "trace": ("axistwin.commands.trace", "capture and fetch samples at the full control rate"),
     "excite": ("axistwin.commands.excite", "switch the excitation of a node on or off"),
     "demo": ("axistwin.commands.demo", "identify an emulated axis over CAN, from start to figures"),
+    "simulate": ("axistwin.commands.simulate", "what a model does under the torque of a record"),
     "identify": ("axistwin.commands.identify", "the parameters of the axis from a record"),
 }
 

@@ -310,6 +310,14 @@ def effect_parameters() -> tuple[EffectParameter, ...]:
     return tuple(found)
 
 
+def check_effects(effects: Sequence[Effect]) -> None:
+    """Raises InputError for an effect, a location or a parameter that there is not.
+
+    Whether values are in their ranges shows when they are simulated: some depend on the time step.
+    """
+    _effects(_load("float64"), effects)
+
+
 def simulate(
     axis: Axis,
     time_step: float,

@@ -1,15 +1,19 @@
-"""`axistwin emulate`: starts the emulated axis with its drive."""
+"""`axistwin emulate`: starts the emulated axis with its drive, ideal or that of a model file."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 from axistwin.errors import InputError
 
 _PROGRAM = "axistwin-emulator"
+
+# The option that the emulator itself does not have: it reads no files.
+_EFFECTS = "--effects"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,5 +39,27 @@ def find_emulator() -> str:
 
 def run(arguments: argparse.Namespace) -> int:
     """Becomes the emulator: signals and exit status are its own."""
+    options = with_model(arguments.arguments)
     program = find_emulator()
-    os.execv(program, [program, *arguments.arguments])
+    os.execv(program, [program, *options])
+
+
+def with_model(arguments: Sequence[str]) -> list[str]:
+    """The arguments with the options of a model in the place of ``--effects FILE``.
+
+    Raises InputError when there is no such model, or no emulated axis can be like it.
+    """
+    options: list[str] = []
+    rest = iter(arguments)
+    for argument in rest:
+        name, equals, path = argument.partition("=")
+        if name != _EFFECTS:
+            options.append(argument)
+            continue
+        path = path if equals else next(rest, "")
+        if not path:
+            raise InputError(f"{_EFFECTS} wants a model file")
+        from axistwin import model  # takes a second, and most emulators are ideal
+
+        options += model.read(path).emulator_options()
+    return options

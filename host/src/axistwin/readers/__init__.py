@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from axistwin.contract import load_contract
 from axistwin.errors import InputError
@@ -15,10 +16,15 @@ from axistwin.record import Record
 __all__ = ["add_arguments", "read", "read_record"]
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds RECORD and everything that says how to read it to the parser of a command."""
+def add_arguments(parser: argparse.ArgumentParser, option: str | None = None) -> None:
+    """Adds RECORD and everything that says how to read it to the parser of a command.
+
+    RECORD follows ``option`` where the command has one for it.
+    """
+    named: dict[str, Any] = {"dest": "record", "required": True} if option else {}
     parser.add_argument(
-        "record",
+        option or "record",
+        **named,
         metavar="RECORD",
         help="CSV (t,torque,theta1[,theta2][,omega1][,omega2] in SI units), MAT, or a bus log "
         "(candump .log, .asc, .blf, .mf4, .trc, ...)",
