@@ -65,10 +65,11 @@ class _Stream:
     monitor: StreamMonitor
     gaps: list[Gap] = field(default_factory=list)
     samples_before: int = 0
+    lost: bool = False  # gone for good
 
     @property
-    def lost(self) -> bool:
-        """Has the node gone for good?"""
+    def away(self) -> bool:
+        """Has the node gone, and is waited for?"""
         return bool(self.gaps) and self.gaps[-1].duration is None
 
     def status(self, seconds: float) -> str:
@@ -204,34 +205,36 @@ def _receive(log: _Log, arguments: argparse.Namespace) -> None:
     while (now := time.monotonic()) < end:
         timeout = min(0.1, end - now)
         for stream in log.running:
+            if stream.away:
+                _resume(log, stream, arguments)
+                continue
             try:
                 stream.node.poll(timeout)
             except NodeLostError as error:
-                _resume(log, stream, arguments, error)
+                stream.gaps.append(Gap(log.elapsed(), None, str(error)))
+                log.terminal.note(f"{error}; waiting up to {arguments.wait:g} s for it")
             timeout = 0.0  # the first has waited for all of them
         log.file.check()
         log.show()
 
 
-def _resume(
-    log: _Log, stream: _Stream, arguments: argparse.Namespace, reason: NodeLostError
-) -> None:
-    """Waits for a node to come back and starts its stream again.
+def _resume(log: _Log, stream: _Stream, arguments: argparse.Namespace) -> None:
+    """Starts the stream of a node again that is back; with other nodes to care for, does not wait.
 
     Raises NodeLostError when it does not come back and it was the last one.
     """
-    gap = Gap(log.elapsed(), None, str(reason))
-    stream.gaps.append(gap)
-    log.terminal.note(f"{reason}; waiting up to {arguments.wait:g} s for it")
-    node = stream.node
+    gap, node = stream.gaps[-1], stream.node
     try:
-        node.connect(arguments.wait, lambda _: None)
+        node.connect(arguments.wait if len(log.running) == 1 else 0.0, lambda _: None)
         stream.monitor.start_afresh()
         _start_stream(node, arguments)
         if arguments.excite:
             excitation.switch_on(node, arguments)
     except AxisTwinError as error:
-        gone = NodeLostError(f"{reason} and has not come back ({error})")
+        if len(log.running) > 1 and log.elapsed() < gap.begin + arguments.wait:
+            return
+        stream.lost = True
+        gone = NodeLostError(f"{gap.reason} and has not come back ({error})")
         if not log.running:
             raise gone from error
         log.terminal.note(f"{gone}; the others go on")
