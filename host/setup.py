@@ -11,7 +11,8 @@ from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 
 HERE = Path(__file__).resolve().parent
-CONTRACT = HERE.parent / "drivers" / "contract" / "axistwin.dbc"
+CONTRACT = HERE.parent / "drivers" / "contract"
+CONTRACT_FILES = ("axistwin.dbc", "registers.csv")
 
 
 class BuildCore(build_ext):
@@ -28,13 +29,14 @@ class BuildWithContract(build_py):
     def run(self) -> None:
         """Copies after everything else has been built."""
         super().run()
-        if not CONTRACT.exists():
-            sys.exit(
-                f"axistwin: the wire contract {CONTRACT} is missing; "
-                "install from a checkout of the whole repository: pip install ./host"
-            )
         root = HERE / "src" if self.editable_mode else Path(self.build_lib)
-        shutil.copyfile(CONTRACT, root / "axistwin" / CONTRACT.name)
+        for name in CONTRACT_FILES:
+            if not (CONTRACT / name).exists():
+                sys.exit(
+                    f"axistwin: the wire contract {CONTRACT / name} is missing; "
+                    "install from a checkout of the whole repository: pip install ./host"
+                )
+            shutil.copyfile(CONTRACT / name, root / "axistwin" / name)
 
 
 setup(

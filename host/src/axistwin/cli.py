@@ -21,6 +21,7 @@ _VERBS = {
     "emulate": ("axistwin.commands.emulate", "run an emulated axis with its drive on a CAN bus"),
     "log": ("axistwin.commands.log", "record the live stream of a node as a bus log"),
     "trace": ("axistwin.commands.trace", "capture and fetch samples at the full control rate"),
+    "modbus": ("axistwin.commands.modbus", "read, command and log a node over Modbus TCP or RTU"),
     "excite": ("axistwin.commands.excite", "switch the excitation of a node on or off"),
     "demo": ("axistwin.commands.demo", "identify an emulated axis over CAN, from start to figures"),
     "simulate": ("axistwin.commands.simulate", "what a model does under the torque of a record"),

@@ -1,0 +1,447 @@
+"""A node's registers over Modbus, TCP or a serial line: reading, commands, and its history.
+
+Everything of one block is read with one request, so its values are of one moment.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any, cast
+
+import numpy as np
+from pymodbus.client import ModbusSerialClient, ModbusTcpClient
+from pymodbus.client.base import ModbusBaseSyncClient
+from pymodbus.exceptions import ModbusException
+from pymodbus.pdu import ModbusPDU
+
+from axistwin.contract import NODES, load_contract
+from axistwin.core import Axis, Estimate, Modal
+from axistwin.errors import (
+    BusError,
+    CommandRefusedError,
+    ContractError,
+    InputError,
+    NoAnswerError,
+    NotEnoughDataError,
+)
+from axistwin.record import Array, Indices, Record
+from axistwin.registers import Value, load_table
+from axistwin.timebase import Clock, fit_clock
+
+#: Port of Modbus over TCP where none is given.
+PORT = 502
+
+#: The command of the registers that the CAN contract does not have.
+HISTORY_DECIMATION = "HistoryDecimation"
+_HISTORY_CODE = 256
+
+_KEYS = (0x4158, 0x5457)
+_BUSY = 6
+_BUSY_TRIES = 10
+_BUSY_PAUSE = 0.01
+_ANSWER_MAX = 2.0
+_EXCEPTIONS = {
+    1: "it does not serve this function",
+    2: "it has no such register, or does not let this be written",
+    3: "the value is out of range",
+    4: "it refuses",
+    _BUSY: "not now",
+    11: "there is no node of this id here",
+}
+_RESULTS = {
+    1: "it does not know this command",
+    2: "the argument is out of range",
+    3: "not now",
+    4: "it has no room for that",
+    5: "operation is not enabled",
+    6: "not while operation is enabled",
+    7: "its state does not allow that",
+    8: "it hears no heartbeat of a host",
+    9: "its bus has no CAN FD",
+}
+_WRAP = 1 << 32
+
+# A node that is off by more than this share does not run in real time.
+_DRIFT_MAX = 1e-3
+
+Tell = Callable[[str], None]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds which node to talk to, and how, to a parser."""
+    group = parser.add_argument_group("bus")
+    group.add_argument(
+        "-c",
+        "--channel",
+        default="tcp:127.0.0.1",
+        metavar="WHERE",
+        help=f"tcp:HOST[:PORT] or rtu:DEVICE (default: tcp:127.0.0.1:{PORT})",
+    )
+    group.add_argument(
+        "-b",
+        "--bitrate",
+        type=int,
+        default=19200,
+        metavar="BITS",
+        help="of a serial line (default: 19200)",
+    )
+    group.add_argument(
+        "--parity", choices="NEO", default="E", help="of a serial line (default: E, even)"
+    )
+    group.add_argument(
+        "--node", type=int, default=1, metavar="ID", help="node id, the Modbus unit (default: 1)"
+    )
+    group.add_argument(
+        "--timeout",
+        type=float,
+        default=1.0,
+        metavar="S",
+        help="an answer may take so long (default: 1)",
+    )
+    group.add_argument(
+        "--wait",
+        type=float,
+        default=5.0,
+        metavar="S",
+        help="wait this long for a node that is not there, or has gone (default: 5)",
+    )
+
+
+def client_of(arguments: argparse.Namespace) -> Client:
+    """The client that the arguments of add_arguments() ask for. Raises InputError."""
+    if arguments.node not in NODES:
+        raise InputError(f"node {arguments.node}: ids are {NODES.start} to {NODES.stop - 1}")
+    if not arguments.timeout > 0.0 or not arguments.wait >= 0.0:
+        raise InputError("--timeout has to be positive, --wait 0 or more seconds")
+    logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # what goes wrong is raised as well
+    line = _line(arguments.channel, arguments.bitrate, arguments.parity, arguments.timeout)
+    return Client(line, arguments.channel, arguments.node)
+
+
+def _line(channel: str, bitrate: int, parity: str, timeout: float) -> ModbusBaseSyncClient:
+    kind, _, where = channel.partition(":")
+    if kind == "tcp" and where:
+        host, separator, port = where.rpartition(":")
+        if not separator or where.endswith("]"):
+            host, port = where, str(PORT)
+        if not port.isdecimal() or int(port) > 65535:
+            raise InputError(f"--channel {channel}: {port} is not a port")
+        return ModbusTcpClient(host.strip("[]"), port=int(port), timeout=timeout, retries=0)
+    if kind == "rtu" and where:
+        if bitrate < 1:
+            raise InputError(f"--bitrate has to be positive, not {bitrate}")
+        return ModbusSerialClient(
+            where,
+            baudrate=bitrate,
+            parity=parity,
+            stopbits=2 if parity == "N" else 1,
+            timeout=timeout,
+            retries=0,
+        )
+    raise InputError(f"--channel {channel}: has to be tcp:HOST[:PORT] or rtu:DEVICE")
+
+
+class Client:
+    """A connection to the registers of one node. Use it as a context manager, or close() it."""
+
+    def __init__(self, line: ModbusBaseSyncClient, name: str, node_id: int) -> None:
+        self.id = node_id
+        self._line = line
+        self._name = name
+        self._table = load_table()
+        self._enabled = False
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes the connection; a node then takes no more commands over it."""
+        self._line.close()  # type: ignore[no-untyped-call]
+        self._enabled = False
+
+    def connect(self, wait: float, tell: Tell) -> dict[str, Value]:
+        """Connects and finds the node, both within ``wait`` [s]: its Identity.
+
+        Raises BusError when there is no way to it, NoAnswerError when it does not answer,
+        ContractError when it is no AxisTwin node or has another version of the table.
+        """
+        deadline = time.monotonic() + wait
+        told = False
+        while True:
+            try:
+                return self._identify()
+            except ContractError:
+                raise
+            except BusError as error:
+                self.close()
+                if time.monotonic() >= deadline:
+                    raise
+                if not told:
+                    tell(f"{error}; waiting up to {wait:g} s for it")
+                    told = True
+                time.sleep(min(0.1, max(0.0, deadline - time.monotonic())))
+
+    def read(self, block: str) -> dict[str, Value]:
+        """All registers of a block, of one moment. Raises BusError as the errors say."""
+        wanted = self._table.blocks[block]
+        answer = self._ask(
+            lambda: self._line.read_holding_registers(
+                wanted.address, count=wanted.size, device_id=self.id
+            ),
+            f"reading {block}",
+        )
+        return wanted.decode(answer.registers)
+
+    def command(self, name: str, argument: float = 0) -> None:
+        """Has the node carry out a command: of the CAN contract, or HISTORY_DECIMATION.
+
+        Raises InputError when there is no such command or its argument cannot be,
+        CommandRefusedError when the node will not, NoAnswerError when it does not answer.
+        """
+        code, bits = self._encode(name, argument)
+        if not self._enabled:
+            self._unlock()
+        address = self._table.registers["Argument"].address
+        words = [bits >> 16, bits & 0xFFFF, code]
+        for _ in range(_BUSY_TRIES):
+            answer = self._exchange(
+                lambda: self._line.write_registers(address, words, device_id=self.id)
+            )
+            if not answer.isError() or answer.exception_code != _BUSY:
+                break
+            time.sleep(_BUSY_PAUSE)
+        if answer.isError():
+            raise CommandRefusedError(f"node {self.id} refuses {name}: {self._refusal(answer)}")
+
+    def keep_history(self, decimation: int) -> None:
+        """Keeps a sample every so many control periods from now on, and waits until it does.
+
+        Raises as command().
+        """
+        if self.read("History")["HistoryDecimation"] == decimation:
+            return
+        self.command(HISTORY_DECIMATION, decimation)
+        period = cast(float, self.read("Identity")["ControlPeriod"])
+        deadline = time.monotonic() + _ANSWER_MAX + 2.0 * decimation * period
+        while self.read("History")["HistoryDecimation"] != decimation:
+            if time.monotonic() > deadline:
+                raise NoAnswerError(f"node {self.id} does not keep its history at another rate")
+
+    def estimate(self) -> Estimate:
+        """What the node has found out about its axis so far."""
+        state = cast(dict[str, float], self.read("State"))
+
+        def columns(kind: str, names: tuple[str, ...]) -> list[float]:
+            return [state[f"{kind}{name}"] for name in names]
+
+        axis, modal = ("I1", "I2", "B", "K"), ("Wn", "Wd", "Zeta")
+        I1, I2, B, K = (bool(int(state["EstimateValid"]) >> i & 1) for i in range(4))
+        return Estimate(
+            Axis(*columns("Estimate", axis)),
+            Modal(*columns("Estimate", modal)),
+            Axis(*columns("Error", axis)),
+            Modal(*columns("Error", modal)),
+            (I1, I2, B, K),
+        )
+
+    def _identify(self) -> dict[str, Value]:
+        if not self._line.connect():
+            raise BusError(f"cannot open {self._name}")
+        identity = self.read("Identity")
+        if identity["Signature"] != self._table.constant("Signature"):
+            raise ContractError(f"{self._name} unit {self.id} is not an AxisTwin node")
+        if identity["Version"] != self._table.constant("Version"):
+            raise ContractError(
+                f"node {self.id} has version {identity['Version']} of the register table, this "
+                f"program version {self._table.constant('Version')}"
+            )
+        return identity
+
+    def _unlock(self) -> None:
+        address = self._table.registers["WriteKey"].address
+        for key in _KEYS:
+            write = functools.partial(self._line.write_register, address, key, device_id=self.id)
+            self._ask(write, "writing WriteKey")
+        self._enabled = bool(self.read("Command")["WriteEnabled"])
+
+    def _encode(self, name: str, argument: float) -> tuple[int, int]:
+        """Code and the bits of the argument."""
+        if name == HISTORY_DECIMATION:
+            if argument != int(argument) or not 1 <= argument < _WRAP:
+                raise InputError(f"command {name}: {argument:g} is out of range")
+            return _HISTORY_CODE, int(argument)
+        data = bytes(load_contract().command(self.id, name, argument).data)
+        return data[0], int.from_bytes(data[4:8], "little")
+
+    def _ask(self, request: Callable[[], ModbusPDU], what: str) -> ModbusPDU:
+        answer = self._exchange(request)
+        if answer.isError():
+            reason = _EXCEPTIONS.get(answer.exception_code, f"exception {answer.exception_code}")
+            raise BusError(f"{what} of node {self.id}: {reason}")
+        return answer
+
+    def _exchange(self, request: Callable[[], ModbusPDU]) -> ModbusPDU:
+        try:
+            return request()
+        except (ModbusException, OSError) as error:
+            self.close()  # an answer that is late must not be taken for the next one's
+            raise NoAnswerError(f"node {self.id} does not answer on {self._name}") from error
+
+    def _refusal(self, answer: ModbusPDU) -> str:
+        result = self.read("Command")["Result"]
+        known = _RESULTS.get(cast(int, result))
+        return known or _EXCEPTIONS.get(answer.exception_code, f"result {result}")
+
+
+class HistoryLog:
+    """Puts together what is read of a node's history, again and again.
+
+    ``samples`` have come, ``lost`` have not: the node's counter says so. A node that starts afresh,
+    or keeps its history at another distance, begins another part.
+    """
+
+    def __init__(self, identity: dict[str, Value]) -> None:
+        self.lost = 0
+        self.samples = 0
+        self._identity = identity
+        self._parts: list[_Part] = []
+
+    def take(self, at: float, history: dict[str, Value]) -> None:
+        """What was read of block History at the host's time ``at`` [s]."""
+        numbers = cast(dict[str, int], history)
+        count, newest = numbers["HistoryCount"], numbers["HistoryCounter"]
+        decimation = numbers["HistoryDecimation"]
+        if count < 1:
+            return
+        part = self._parts[-1] if self._parts else None
+        if part is None or not part.follows(newest, decimation):
+            part = _Part(decimation, newest, count)
+            self._parts.append(part)
+        ahead = part.ahead(newest) // decimation
+        new = min(ahead, count)
+        self.lost += ahead - new
+        self.samples += new
+        part.take(at, newest, new, history)
+
+    def record(self, source: str, meta: dict[str, Any]) -> Record:
+        """The record of the longest part. Raises NotEnoughDataError."""
+        if not self._parts:
+            raise NotEnoughDataError(f"{source}: no samples have come")
+        part = max(self._parts, key=lambda part: part.samples)
+        warnings = []
+        if len(self._parts) > 1:
+            warnings.append(
+                f"the history starts afresh {len(self._parts) - 1} times (node restarted or "
+                f"settings changed): the longest part is used, {part.samples} of {self.samples} "
+                f"samples"
+            )
+        return part.record(self._identity, source, warnings, meta)
+
+
+class _Part:
+    """Samples that were counted in one go, ``decimation`` control periods apart."""
+
+    def __init__(self, decimation: int, newest: int, count: int) -> None:
+        self.decimation = decimation
+        self.samples = 0
+        self._first = newest - decimation * (count - 1)
+        self._last = self._first - decimation  # unwrapped
+        self._times: list[tuple[float, int]] = []
+        self._places: list[Indices] = []
+        self._columns: dict[str, list[Indices]] = {"Torque": [], "Motor": [], "Table": []}
+
+    def ahead(self, newest: int) -> int:
+        """Control periods from the last sample to this one, 32-bit counters apart."""
+        return (newest - self._last + _WRAP // 2) % _WRAP - _WRAP // 2
+
+    def follows(self, newest: int, decimation: int) -> bool:
+        """Can this be the newest sample of the same history?"""
+        ahead = self.ahead(newest)
+        return decimation == self.decimation and ahead >= 0 and ahead % decimation == 0
+
+    def take(self, at: float, newest: int, new: int, history: dict[str, Value]) -> None:
+        """The ``new`` newest samples of what was read."""
+        if new == 0:
+            return
+        self._last += self.ahead(newest)
+        last = (self._last - self._first) // self.decimation
+        self._times.append((at, last))
+        self._places.append(np.arange(last - new + 1, last + 1))
+        for name, register in (
+            ("Torque", "HistoryTorque"),
+            ("Motor", "HistoryMotorPosition"),
+            ("Table", "HistoryTablePosition"),
+        ):
+            values = cast(tuple[int, ...], history[register])[:new]
+            self._columns[name].append(np.array(values[::-1], np.int64))
+        self.samples += new
+
+    def record(
+        self,
+        identity: dict[str, Value],
+        source: str,
+        warnings: list[str],
+        meta: dict[str, Any],
+    ) -> Record:
+        """As a record, in SI units."""
+        numbers = cast(dict[str, float], identity)
+        places = np.concatenate(self._places) if self._places else np.zeros(0, np.int64)
+        count = int(places[-1]) + 1 if len(places) else 0
+        if len(places) < max(2, count // 2):
+            raise NotEnoughDataError(
+                f"{source}: only {len(places)} of {count} samples have come; the line is too slow "
+                f"for this rate: give a lower one with --rate"
+            )
+        grid = np.arange(count)
+        missing = np.setdiff1d(grid, places)
+        if len(missing) > 0:
+            warnings.append(f"{len(missing)} of {count} samples are missing")
+        step = float(str(np.float32(numbers["ControlPeriod"]))) * self.decimation
+        clock = self._clock(step)
+        if clock is not None:
+            meta = {**meta, "drift_ppm": 1e6 * clock.drift, "drift_error_ppm": 1e6 * clock.error}
+            if clock.significant and abs(clock.drift) <= _DRIFT_MAX:
+                warnings.append(
+                    f"the node's clock is {1e6 * clock.drift:+.3g} ppm off the logger's: put right"
+                )
+                step = clock.period
+        unit = 1e-4 * 1e-3 * numbers["RatedTorque"]  # 0.1 per mille of so many mN m
+        motor, table = (int(numbers[f"{name}Resolution"]) for name in ("Motor", "Table"))
+
+        def fill(name: str) -> Array:
+            values = np.concatenate(self._columns[name])
+            if name != "Torque":
+                steps = np.diff(values).astype(np.int32).astype(np.int64)  # wraps at 32 bits
+                values = np.cumsum(np.concatenate([values[:1], steps]))
+            return np.asarray(np.interp(grid, places, values), np.float64)
+
+        turn = 2.0 * np.pi
+        return Record(
+            time=np.asarray(step * grid, np.float64),
+            torque=fill("Torque") * unit,
+            theta1=fill("Motor") * (turn / motor),
+            theta2=fill("Table") * (turn / table) if table else None,
+            time_step=step,
+            counts_per_turn=(motor, table or None),
+            missing=missing,
+            source=source,
+            warnings=tuple(warnings),
+            meta={"node": int(numbers["NodeId"]), "part": "history", **meta},
+        )
+
+    def _clock(self, step: float) -> Clock | None:
+        times = np.array(self._times, np.float64)
+        return fit_clock(times[:, 0], times[:, 1].astype(np.int64), step)
+
+
+def node_estimate(client: Client) -> dict[str, Any]:
+    """The estimate as a record's ``meta`` has it."""
+    return {"node_estimate": asdict(client.estimate())}
