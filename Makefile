@@ -28,6 +28,7 @@ help:
 PACKAGES_build := gcc libc6-dev python3-venv python3-dev iproute2 libmodbus-dev
 PACKAGES_check := clang clang-format clang-tidy cppcheck shellcheck pkg-config
 PACKAGES_hil   := iproute2 can-utils
+PACKAGES_host  := mbpoll
 PACKAGES_size  := gcc-arm-none-eabi gcc-riscv64-unknown-elf
 
 $(BUILD)/packages-%: Makefile tests/tools/debian-packages
@@ -157,11 +158,18 @@ $(BUILD)/sanitized/axistwin-emulator: $(BUILD)/sanitized-float/axistwin-emulator
 	mkdir -p $(@D)
 	cp $< $@
 
+# A microcontroller's Modbus server on a serial port, for the tests to talk to.
+RTU_NODE := $(BUILD)/modbus-rtu-node
+
+$(RTU_NODE): tests/host/modbus_rtu_node.c $(BUILD)/sanitized-float/libdrivers.a \
+		$(BUILD)/sanitized-float/libaxistwin.a
+	$(GCC) $(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE $(SANITIZE) $^ $(LIBRARIES) -o $@
+
 # ---- Suites: each a target of its own; tests/tools/suites.py runs them and counts ----------------
 
 RESULTS := $(BUILD)/results
 PYTEST  := $(VENV)/bin/python -m pytest -c host/pyproject.toml --rootdir=. -o cache_dir=$(BUILD)/pytest
-C_FILES := $(wildcard lib/*.[ch] host/native/*.[ch] drivers/*/*.[ch] tests/unit/*.[ch] tests/readme/*.c)
+C_FILES := $(wildcard lib/*.[ch] host/native/*.[ch] drivers/*/*.[ch] tests/unit/*.[ch] tests/host/*.c tests/readme/*.c)
 PY_CODE := host drivers tests
 SCRIPTS := $(filter-out %.py %.txt,$(wildcard tests/tools/*)) .ci/run
 QUICK   := $(addprefix unit-,gcc-float gcc-double) host-tests \
@@ -171,7 +179,7 @@ ALL     := $(QUICK) $(filter-out $(QUICK),$(VARIANTS:%=unit-%)) races size insta
 
 .PHONY: $(ALL)
 
-host-tests: $(VENV)/.host-test $(EMULATORS)
+host-tests: $(VENV)/.host-test $(EMULATORS) $(RTU_NODE) | $(BUILD)/packages-host
 	$(PYTEST) -qq --junitxml=$(RESULTS)/$@.xml tests/host
 
 hil: $(VENV)/.host-test $(EMULATORS) | $(BUILD)/packages-hil

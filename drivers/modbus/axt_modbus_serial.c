@@ -7,7 +7,7 @@
 #include "axt_modbus_rtu.h"
 #include "axt_modbus_server.h"
 
-enum { FUNCTION = 1, LUMP = 256 };
+enum { FUNCTION = 1, LUMP = 256, SILENCE_MS = 50 /* how often silence is looked for */ };
 
 /* libmodbus takes any other number for 9600. */
 static bool is_bit_rate(uint32_t bit_rate) {
@@ -36,15 +36,17 @@ static void answer_frames(axt_modbus_server *server) {
     }
 }
 
-static void wait(const axt_modbus_server *server, int timeout) {
+/* True when something has come on the line, or the line has gone. */
+static bool wait(const axt_modbus_server *server, int timeout) {
     struct pollfd events[] = {
         {.fd = server->stop, .events = POLLIN},
         {.fd = modbus_get_socket(server->modbus), .events = POLLIN},
     };
-    (void)poll(events, server->open ? 2 : 1, timeout);
+    (void)poll(events, server->open ? 2 : 1, server->open ? SILENCE_MS : timeout);
+    return server->open && events[1].revents != 0;
 }
 
-/* False when the device has gone. */
+/* Takes what has come. False when the device has gone: nothing came after all. */
 static bool listen_to_line(axt_modbus_server *server) {
     uint8_t lump[LUMP];
     const ssize_t got = read(modbus_get_socket(server->modbus), lump, sizeof lump);
@@ -53,19 +55,19 @@ static bool listen_to_line(axt_modbus_server *server) {
         axt_modbus_line_receive(&server->line, lump[i], now);
         answer_frames(server);
     }
-    answer_frames(server); /* one that silence has ended */
     return got > 0 || (got < 0 && (errno == EAGAIN || errno == EINTR));
 }
 
 static void serve(axt_modbus_server *server, int timeout) {
-    wait(server, timeout);
+    const bool heard = wait(server, timeout);
     axt_registers_expire(&server->client, axt_modbus_server_microseconds());
     if (!server->open) {
         server->open = modbus_connect(server->modbus) == 0;
-    } else if (!listen_to_line(server)) {
+    } else if (heard && !listen_to_line(server)) {
         modbus_close(server->modbus);
         server->open = false;
     }
+    answer_frames(server); /* one that silence has ended */
 }
 
 static void hang_up(axt_modbus_server *server) {
