@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import argparse
 import json
+import socket
 import threading
 from pathlib import Path
 
 import can
 import pytest
+from can.interfaces.socketcan import SocketcanBus
 
-from axistwin import frames
+from axistwin import bus, frames
 from axistwin.readers import read_record
 
 from .conftest import VCAN, Carrier, Host, StartEmulator
@@ -138,3 +141,22 @@ def test_two_nodes_are_logged_into_a_record_each(
     assert [node["id"] for node in found["nodes"]] == [1, 2]
     assert [len(node["gaps"]) for node in found["nodes"]] == [0, 1]
     assert found["nodes"][0]["record"]["samples"] == len(first)
+
+
+def test_what_this_computer_has_no_room_for_is_counted(vcan: Carrier) -> None:
+    parser = argparse.ArgumentParser()
+    bus.add_arguments(parser, several=True)
+    with (
+        can.Bus(VCAN, "socketcan") as other,
+        bus.nodes_of(parser.parse_args(vcan.host)) as (shared, _),
+    ):
+        port = shared.open_port()
+        assert isinstance(shared.bus, SocketcanBus)
+        shared.bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        for _ in range(500):
+            other.send(can.Message(arbitration_id=0x123, data=b"12345678", is_extended_id=False))
+        received = 0
+        while port.recv(0.0) is not None:
+            received += 1
+        assert 0 < received < 500
+        assert received + shared.dropped == 500

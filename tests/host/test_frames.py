@@ -339,26 +339,6 @@ def test_what_python_can_writes_is_read(ending: str, tmp_path: Path) -> None:
     axis.check(record)
 
 
-@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
-@pytest.mark.parametrize("ending", [".log", ".asc", ".blf", ".trc", ".csv"])
-def test_a_log_that_was_cut_off_is_read_as_far_as_it_goes(ending: str, tmp_path: Path) -> None:
-    axis = Axis(3000)
-    begin = 1_700_000_000.0
-    file = tmp_path / f"live{ending}"
-    with can.Logger(file) as writer:
-        for item in identity(begin) + stream(axis, begin=begin + 0.01):
-            writer(item)
-    whole = file.read_bytes()
-    file.write_bytes(whole[: int(0.7 * len(whole)) + 5])
-    record = read_record(file)
-    assert 100 < len(record) < 3000
-    axis.check(record)
-    file.write_bytes(whole[:60])
-    with pytest.raises(InputError) as caught:
-        read_record(file)
-    assert "\n" not in str(caught.value)
-
-
 # Readers that cannot read a file leave it open.
 @pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
 @given(st.binary(max_size=400))

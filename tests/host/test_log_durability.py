@@ -16,9 +16,18 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import can
+import numpy as np
 import pytest
 
+from axistwin.errors import FileError, InputError
+from axistwin.frames import Frames
+from axistwin.logfile import LogFile
 from axistwin.readers import buslog, read_record
+from axistwin.record import Record
+from axistwin.terminal import Terminal
+
+from .test_stream_faults import KNOWN, classical, flexible
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 EMULATOR = os.environ.get("AXISTWIN_EMULATOR") or str(REPOSITORY / "build" / "axistwin-emulator")
@@ -189,3 +198,75 @@ def stopped(line: Path, folder: Path) -> None:
     subprocess.run(arguments, check=True, capture_output=True)
     record = read_record(trace)
     assert (record.torque == 0.0).all()
+
+
+@pytest.mark.parametrize("ending", [".log", ".asc", ".blf", ".mf4", ".csv"])
+def test_fd_frames_are_kept_in_every_format_that_takes_them(ending: str, tmp_path: Path) -> None:
+    stream = flexible(1200, 65_000)
+    log = LogFile(tmp_path / f"fd{ending}", Terminal())
+    with log:
+        for message in messages_of(stream.sent):
+            log(message)
+    record = read_record(log.path, settings=KNOWN)
+    assert (len(record), len(record.missing)) == (1200, 0)
+    stream.check(record)
+    assert list(tmp_path.iterdir()) == [log.path]
+
+
+def test_a_format_that_takes_no_fd_frames_is_not_made(tmp_path: Path) -> None:
+    log = LogFile(tmp_path / "fd.trc", Terminal())
+    for message in messages_of(flexible(60).sent):
+        log(message)
+    with pytest.raises(FileError, match=r"what was logged is in .*fd\.trc\.log"):
+        log.close()
+    assert list(tmp_path.iterdir()) == [tmp_path / "fd.trc.log"]
+    assert len(read_record(tmp_path / "fd.trc.log", settings=KNOWN)) == 60
+
+
+def messages_of(sent: Frames) -> Iterator[can.Message]:
+    """Frames as python-can has them."""
+    rows = zip(sent.time, sent.identifier, sent.length, sent.payload, strict=True)
+    for moment, identifier, length, payload in rows:
+        yield can.Message(
+            timestamp=float(moment),
+            arbitration_id=int(identifier),
+            data=payload[:length].tobytes(),
+            is_extended_id=False,
+            is_fd=bool(length > 8),
+            channel="vcan0",
+        )
+
+
+# Readers that cannot read a file leave it open.
+@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("ending", [".log", ".asc", ".blf", ".mf4", ".trc", ".csv", ".db"])
+def test_a_log_cut_anywhere_reads_right_or_not_at_all(tmp_path: Path, ending: str) -> None:
+    """Whatever is read of it is what was sent: no format may give a wrong number."""
+    whole, cut = tmp_path / f"whole{ending}", tmp_path / f"cut{ending}"
+    stream = classical(1500, 65_000)
+    with can.Logger(whole) as writer:
+        for message in messages_of(stream.sent):
+            writer(message)
+        time.sleep(1.5 if ending == ".db" else 0.0)  # or it loses frames: see writable_endings()
+    content = whole.read_bytes()
+    for share in [*np.random.default_rng(1).random(25).tolist(), 1.0]:
+        cut.write_bytes(content[: int(share * len(content))])
+        record = attempt(cut)
+        if record is None:
+            assert share < 0.05 or ending in (".mf4", ".db")
+            continue
+        stream.check(record)
+        assert len(record.missing) == 0
+        complete = ending in (".mf4", ".db")
+        assert len(record) >= (1500 if complete else share * 1500 - 150)
+
+
+def attempt(log: Path) -> Record | None:
+    """The record of a log; None when it is refused, with one clear line."""
+    try:
+        return read_record(log, settings=KNOWN)
+    except InputError as error:
+        said = str(error)
+    assert "\n" not in said
+    return None

@@ -13,6 +13,7 @@ import errno
 import logging
 import os
 import socket
+import struct
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -48,6 +49,10 @@ ANSWER_TIMEOUT = 1.0
 # taken only as it is needed.
 _RECEIVE_BUFFER = 64 << 20
 _SO_RCVBUFFORCE = 33  # Linux, not known to the socket module; wants the right to administer the net
+
+# What Linux says of a socket's memory: nine numbers, the last is of frames that were dropped.
+_SO_MEMINFO = 55
+_MEMORY = struct.Struct("=9I")
 
 # So many frames are dealt with before the caller has its turn.
 _BATCH = 256
@@ -429,7 +434,7 @@ def nodes_of(arguments: argparse.Namespace) -> Iterator[tuple[SharedBus, list[No
     ids = arguments.node or [1]
     if len(set(ids)) < len(ids):
         raise InputError("--node: each node once")
-    shared = SharedBus(_opener(arguments), _close)
+    shared = SharedBus(_opener(arguments), _close, _dropped)
     contract = load_contract(arguments.dbc)
     nodes = [Node(shared.open_port, contract, i, arguments.heartbeat_timeout) for i in ids]
     with contextlib.ExitStack() as stack:
@@ -492,6 +497,18 @@ def _enlarge_receive_buffer(bus: can.BusABC) -> None:
     for option in (socket.SO_RCVBUF, _SO_RCVBUFFORCE):
         with contextlib.suppress(OSError):
             bus.socket.setsockopt(socket.SOL_SOCKET, option, _RECEIVE_BUFFER)
+
+
+def _dropped(bus: can.BusABC) -> int:
+    """Frames that the kernel had no room for; other carriers than SocketCAN do not say."""
+    if not isinstance(bus, SocketcanBus):
+        return 0
+    try:
+        return int(
+            _MEMORY.unpack(bus.socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMORY.size))[-1]
+        )
+    except OSError:  # the interface has gone
+        return 0
 
 
 def _reason(error: BaseException) -> str:

@@ -172,6 +172,15 @@ def decode(
     return reader(node, source, settings, warnings).record()
 
 
+def latest(
+    frames: Frames, contract: Contract, node_id: int, pages: Iterable[str]
+) -> dict[str, int]:
+    """What a node's report pages with whole numbers said last, those that were sent."""
+    node = _Node(frames, contract, node_id)
+    values = {page: node.page(page) for page in pages}
+    return {page: int(value) for page, value in values.items() if value is not None}
+
+
 def short(value: np.float32 | float) -> float:
     """The shortest decimal number that is this one in single precision: what was meant."""
     return float(str(np.float32(value)))

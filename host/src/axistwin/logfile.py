@@ -17,8 +17,9 @@ from pathlib import Path
 from typing import TextIO, cast
 
 import can
+import numpy as np
 
-from axistwin.errors import FileError, InputError
+from axistwin.errors import AxisTwinError, FileError, InputError
 from axistwin.output import atomic_write
 from axistwin.readers import buslog
 from axistwin.terminal import Terminal
@@ -128,18 +129,27 @@ def journal_of(path: Path) -> Path:
 
 
 def _convert(journal: Path, path: Path, terminal: Terminal) -> None:
-    """Makes a log in another format of a candump log, and removes that."""
+    """Makes a log in another format of a candump log, and removes that once it reads the same."""
     try:
-        with (
-            can.LogReader(journal) as messages,
-            atomic_write(path) as partial,
-            buslog.writing(partial) as write,
-        ):
-            for count, message in enumerate(messages):
-                write(message)
-                if count % _PROGRESS == 0 and terminal.due():
-                    terminal.live(f"making {path}: {count} frames")
-    except FileError as error:
+        with atomic_write(path) as partial:
+            with buslog.writing(partial) as write, can.LogReader(journal) as messages:
+                for count, message in enumerate(messages):
+                    write(message)
+                    if count % _PROGRESS == 0 and terminal.due():
+                        terminal.live(f"making {path}: {count} frames")
+            _check_same(journal, partial)
+    except AxisTwinError as error:
         raise FileError(f"{error}; what was logged is in {journal}") from error
     terminal.clear()
     journal.unlink()
+
+
+def _check_same(journal: Path, written: Path) -> None:
+    """Raises FileError when what was written does not read as what was logged."""
+    logged, copy = (buslog.read_frames(file)[0] for file in (journal, written))
+    same = len(logged) == len(copy) and all(
+        np.array_equal(getattr(logged, name), getattr(copy, name))
+        for name in ("identifier", "length", "payload")
+    )
+    if not same:
+        raise FileError(f"{written.suffix} logs do not hold all of these frames")

@@ -16,20 +16,35 @@ class SharedBus:
     """A bus that is open, by ``open_bus`` and until ``close``, as long as one of its ports is.
 
     ``sinks`` are called with every message that is received, once. A bus that has failed is closed
-    for all ports: the first one that is opened anew opens it again.
+    for all ports: the first one that is opened anew opens it again. ``count_dropped`` tells how
+    many frames found no room on their way to this program since a bus was opened. ``bus`` is the
+    open one.
     """
 
-    def __init__(self, open_bus: Callable[[], can.BusABC], close: Callable[[can.BusABC], object]):
+    def __init__(
+        self,
+        open_bus: Callable[[], can.BusABC],
+        close: Callable[[can.BusABC], object],
+        count_dropped: Callable[[can.BusABC], int] = lambda _: 0,
+    ) -> None:
         self._open_bus = open_bus
-        self._close = close
-        self._bus: can.BusABC | None = None
+        self._close_bus = close
+        self._count_dropped = count_dropped
+        self._dropped_before = 0
+        self.bus: can.BusABC | None = None
         self._ports: list[Port] = []
         self.sinks: list[Callable[[can.Message], object]] = []
 
+    @property
+    def dropped(self) -> int:
+        """Frames that found no room on their way to this program."""
+        now = 0 if self.bus is None else self._count_dropped(self.bus)
+        return self._dropped_before + now
+
     def open_port(self) -> Port:
         """A new port. Raises what opening the bus raises."""
-        if self._bus is None:
-            self._bus = self._open_bus()
+        if self.bus is None:
+            self.bus = self._open_bus()
         port = Port(self)
         self._ports.append(port)
         return port
@@ -55,21 +70,24 @@ class SharedBus:
         """Closes a port, and with the last one the bus."""
         if port in self._ports:
             self._ports.remove(port)
-        if not self._ports and self._bus is not None:
-            bus, self._bus = self._bus, None
-            self._close(bus)
+        if not self._ports:
+            self._close()
 
     def fail(self) -> None:
         """Closes the bus and with it all ports: they notice when they are used next."""
         self._ports.clear()
-        if self._bus is not None:
-            bus, self._bus = self._bus, None
-            self._close(bus)
+        self._close()
+
+    def _close(self) -> None:
+        if self.bus is not None:
+            self._dropped_before = self.dropped
+            bus, self.bus = self.bus, None
+            self._close_bus(bus)
 
     def _working(self, port: Port) -> can.BusABC:
-        if self._bus is None or port not in self._ports:
+        if self.bus is None or port not in self._ports:
             raise can.CanOperationError("the bus has failed")
-        return self._bus
+        return self.bus
 
 
 class Port(can.BusABC):

@@ -84,6 +84,7 @@ class _Log:
     """A log being written."""
 
     streams: list[_Stream]
+    shared: SharedBus
     file: logfile.LogFile
     load: BusLoad
     terminal: Terminal
@@ -136,6 +137,7 @@ def run(arguments: argparse.Namespace) -> int:
             terminal.note(f"node {node.id}: {node.connect(arguments.wait, terminal.note)}")
         log = _Log(
             [_Stream(node, StreamMonitor(node.contract, node.id)) for node in nodes],
+            shared,
             logfile.LogFile(path, terminal),
             BusLoad(
                 getattr(arguments, "bitrate", None) or _DEFAULT_BIT_RATE,
@@ -145,7 +147,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
         try:
             with log.file:
-                _collect(log, shared, arguments)
+                _collect(log, arguments)
         except (NodeLostError, FileError) as error:
             failure = error
         terminal.clear()
@@ -155,9 +157,9 @@ def run(arguments: argparse.Namespace) -> int:
     return NodeLostError.exit_code if any(stream.gaps for stream in log.streams) else 0
 
 
-def _collect(log: _Log, shared: SharedBus, arguments: argparse.Namespace) -> None:
+def _collect(log: _Log, arguments: argparse.Namespace) -> None:
     """Has the nodes send their streams into the log until the end; the nodes are left as found."""
-    shared.sinks += [log.file, log.load, *(stream.monitor for stream in log.streams)]
+    log.shared.sinks += [log.file, log.load, *(stream.monitor for stream in log.streams)]
     try:
         with contextlib.ExitStack() as stack:
             for stream in log.streams:
@@ -167,7 +169,7 @@ def _collect(log: _Log, shared: SharedBus, arguments: argparse.Namespace) -> Non
     except KeyboardInterrupt:
         log.terminal.note("stopped")
     finally:
-        shared.sinks.clear()
+        log.shared.sinks.clear()
 
 
 @contextlib.contextmanager
@@ -253,6 +255,11 @@ def _report(log: _Log, path: Path, json_file: str | None) -> None:
         for gap in stream.gaps:
             lasted = "to the end" if gap.duration is None else f"for {gap.duration:.1f} s"
             log.terminal.note(f"gap from {gap.begin:.1f} s on, {lasted}: {gap.reason}")
+    if log.shared.dropped > 0:
+        log.terminal.note(
+            f"this computer was too busy: {log.shared.dropped} frames found no room in its kernel "
+            f"(as root, or with a larger net.core.rmem_max, there is more)"
+        )
     nodes = [_summary(stream, duration, found) for stream, found in _records(log, path)]
     if json_file != "-":
         print(path)
@@ -266,6 +273,7 @@ def _report(log: _Log, path: Path, json_file: str | None) -> None:
                 "samples": sum(stream.monitor.samples for stream in log.streams),
                 "lost": sum(stream.monitor.lost for stream in log.streams),
                 "bus_errors": max(stream.node.errors for stream in log.streams),
+                "dropped_by_host": log.shared.dropped,
                 "bus_load": log.load.mean(),
                 "gaps": [asdict(gap) for stream in log.streams for gap in stream.gaps],
                 "nodes": nodes,

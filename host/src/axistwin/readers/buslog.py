@@ -61,7 +61,7 @@ def read_frames(path: Path) -> tuple[Frames, tuple[str, ...]]:
     if path.name.lower().endswith((".log", ".log.gz")):
         frames = _candump(path, damage)
     else:
-        frames = Frames.of(_messages(path, damage))
+        frames = Frames.of(messages(path, damage))
     if len(frames) == 0 and frames.errors == 0:
         reason = damage[0] if damage else "it holds no data frames with 11-bit ids"
         raise InputError(f"cannot read {path}: {reason}")
@@ -91,8 +91,8 @@ class _WholeLines(io.TextIOWrapper):
         return line
 
 
-def _messages(path: Path, damage: list[str]) -> Iterator[can.Message]:
-    """The messages of a bus log up to its end, or to where it is damaged."""
+def messages(path: Path, damage: list[str]) -> Iterator[can.Message]:
+    """The messages of a bus log up to its end, or to where it is damaged: ``damage`` says why."""
     count = 0
     try:
         with _reader(path) as reader:
