@@ -70,8 +70,15 @@ def core(name: str, real: str) -> FFI:
         sources=[str(path) for path in (*sorted(CORE.glob("*.c")), *sorted(NATIVE.glob("*.c")))],
         include_dirs=[str(CORE), str(NATIVE)],
         define_macros=[("AXT_REAL", real), ("AXT_DELAY_STEPS", str(DELAY_STEPS))],
-        # Not contracted, so that the same samples give the same bits here as on the node.
-        extra_compile_args=["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden"],
+        extra_compile_args=[
+            "-std=c11",
+            "-O2",
+            # So that the same samples give the same bits here as on the node.
+            "-ffp-contract=off",
+            # Pairs of numbers just stored one by one are slow to load as a vector.
+            "-fno-tree-slp-vectorize",
+            "-fvisibility=hidden",
+        ],
         libraries=["m"],
     )
     return ffi

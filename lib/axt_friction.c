@@ -5,7 +5,7 @@
  * the mean of what the end speed and the mean speed say. The first makes the inertia stop at
  * exactly zero, the second forbids to push it further than the mean speed's zero, so that the work
  * of the step, P (w + w+) / 2, is never positive. P falls with w+ in two steps, at 0 and at -w, so
- * w+ = free + compliance P has one solution, a clamp at one of the two. */
+ * w+ = free + P / inertia has one solution, a clamp at one of the two. */
 #include "axt_friction.h"
 
 #include "axt_math.h"
@@ -20,21 +20,18 @@ axt_real axt_friction_limit(const axt_friction *friction, axt_real speed) {
     return friction->coulomb + (gone ? AXT_R(0) : friction->stribeck * axt_exp(-square));
 }
 
-axt_friction_end axt_friction_step(axt_real start, axt_real free, axt_real compliance,
-                                   axt_real limit) {
-    const axt_real lower = (start > AXT_R(0)) ? -start : AXT_R(0);
-    const axt_real upper = (start < AXT_R(0)) ? -start : AXT_R(0);
-    if (free > upper) {
-        const axt_real slid = free - compliance * limit;
-        return (slid > upper)
-                   ? (axt_friction_end){.impulse = -limit, .speed = slid}
-                   : (axt_friction_end){(upper - free) / compliance, upper, .held = true};
-    }
-    if (free < lower) {
-        const axt_real slid = free + compliance * limit;
-        return (slid < lower)
-                   ? (axt_friction_end){.impulse = limit, .speed = slid}
-                   : (axt_friction_end){(lower - free) / compliance, lower, .held = true};
-    }
-    return (axt_friction_end){.speed = free};
+static axt_real least(axt_real a, axt_real b) {
+    return (a < b) ? a : b;
+}
+
+static axt_real largest(axt_real a, axt_real b) {
+    return (a > b) ? a : b;
+}
+
+axt_friction_step axt_friction_slide(axt_real start, axt_real change, axt_real most) {
+    const axt_real lower = least(-start, AXT_R(-2) * start); /* as changes: to 0 and to -w */
+    const axt_real upper = largest(-start, AXT_R(-2) * start);
+    const axt_real slowed = largest(change - most, least(change, upper)); /* moving forwards */
+    const axt_real slid = least(slowed + most, largest(slowed, lower));
+    return (axt_friction_step){.change = slid, .held = slid == upper || slid == lower};
 }

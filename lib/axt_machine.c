@@ -32,6 +32,8 @@
 
 enum { SWEEPS = 4 };
 
+/* A share of the twist: about the root of what rounding is. */
+static const axt_real settled = AXT_IS_DOUBLE ? AXT_R(1e-8) : AXT_R(3e-4);
 static const axt_real twist_max = AXT_R(1e3);
 static const axt_real turns_per_rad = AXT_R(1) / AXT_TWO_PI;
 
@@ -39,6 +41,7 @@ static bool any(axt_real x) {
     return axt_abs(x) > AXT_R(0);
 }
 
+/* The integer nearest to |x| < 2^31. */
 static axt_real nearest(axt_real x) {
     return (axt_real)(int32_t)(x + ((x < AXT_R(0)) ? AXT_R(-0.5) : AXT_R(0.5)));
 }
@@ -54,9 +57,26 @@ static axt_real limit(axt_real x, axt_real most) {
     return (x < -most) ? -most : x;
 }
 
-/* sin(2 pi cycle + phase). */
+/* sin(2 pi cycle + phase) for |cycle| + |phase| / 2 pi below 2^31: by its power series within a
+ * quarter of a turn, right to 2e-16 or 1e-7. Nothing in it waits or branches, where a sine that has
+ * to reduce its argument by pi does both. */
 static axt_real sine(axt_real cycle, axt_real phase) {
-    return axt_sin(AXT_TWO_PI * (cycle - nearest(cycle)) + phase);
+    const axt_real turns = axt_fma(phase, turns_per_rad, cycle) - AXT_R(0.25);
+    const axt_real folded = AXT_R(0.25) - axt_abs(turns - nearest(turns));
+    const axt_real x = AXT_TWO_PI * folded;
+    const axt_real x2 = x * x;
+    const axt_real x4 = x2 * x2;
+    /* the terms x^3, x^7, ... and x^5, x^9, ... of the series, two sums side by side */
+    axt_real odd = AXT_R(-1.0 / 39916800);   /* 11! */
+    axt_real even = AXT_R(1.0 / 6227020800); /* 13! */
+#if AXT_IS_DOUBLE
+    odd = axt_fma(axt_fma(AXT_R(-1.0 / 121645100408832000), x4, AXT_R(-1.0 / 1307674368000)), x4,
+                  odd);
+    even = axt_fma(AXT_R(1.0 / 355687428096000), x4, even);
+#endif
+    odd = axt_fma(axt_fma(odd, x4, AXT_R(-1.0 / 5040)), x4, AXT_R(-1.0 / 6));
+    even = axt_fma(axt_fma(even, x4, AXT_R(1.0 / 362880)), x4, AXT_R(1.0 / 120));
+    return axt_fma(axt_fma(even, x2, odd) * x2, x, x);
 }
 
 /* ---- What there is -------------------------------------------------------------------------- */
@@ -205,6 +225,7 @@ axt_status axt_machine_set(axt_machine *machine, const axt_motion *motion, axt_r
     machine->speed[1] = motion->speed - motion->twist_speed;
     for (uint32_t i = 0; i < 2; i++) {
         machine->speed_low[i] = AXT_R(0);
+        machine->speed_change[i] = AXT_R(0);
         machine->cycle[i] = AXT_R(0);
         machine->cycle_low[i] = AXT_R(0);
     }
@@ -272,7 +293,7 @@ typedef struct {
     axt_real twist_speed;
     axt_real inertia[2]; /* with viscous friction and the further mode: a, b */
     axt_real impulse[2]; /* of all but shaft and dry friction [N m s] */
-    axt_real dry[2];     /* growth of dry friction x Dt [s]; 0: none */
+    axt_real dry[2];     /* limit of the impulse of dry friction [N m s] */
     uint32_t sweeps;
 } step_terms;
 
@@ -305,7 +326,6 @@ static void find_terms(axt_machine *machine, axt_real torque, step_terms *terms)
     terms->twist_speed =
         (machine->speed[0] - machine->speed[1]) + (machine->speed_low[0] - machine->speed_low[1]);
     uint32_t dry = 0;
-    bool constant = true;
     for (uint32_t i = 0; i < 2; i++) {
         const axt_friction *friction = &effects->friction[i];
         const axt_real grown = not_negative(AXT_R(1) + friction->drift * time);
@@ -313,73 +333,58 @@ static void find_terms(axt_machine *machine, axt_real torque, step_terms *terms)
         terms->inertia[i] = inertia[i] + AXT_R(0.5) * h * viscous;
         terms->impulse[i] = h * (acting[i] + effects->torque_offset[i] + disturbance(machine, i) -
                                  viscous * machine->speed[i]);
-        terms->dry[i] = AXT_R(0);
-        if (any(friction->coulomb) || any(friction->stribeck)) {
-            terms->dry[i] = h * grown;
-            dry++;
-            constant = constant && !any(friction->stribeck);
-        }
+        /* in the middle of the step, if the speed goes on changing as it does */
+        const axt_real speed = machine->speed[i] + AXT_R(0.5) * machine->speed_change[i];
+        terms->dry[i] = h * grown * axt_friction_limit(friction, speed);
+        dry += any(terms->dry[i]);
     }
     const bool plain = !any(terms->shaft.hardening) && !any(terms->shaft.play);
-    terms->sweeps = (plain && constant && dry < 2) ? 1 : SWEEPS;
+    terms->sweeps = (plain && dry < 2) ? 1 : SWEEPS;
 }
 
-/* The speeds at the end of the step, and by how much they change: kept apart for the digits. */
+/* How the speeds of motor and table change, and whether friction holds them. */
 typedef struct {
     axt_real change[2];
-    axt_real end[2];
     bool held[2];
 } step_speeds;
 
 static void solve(const axt_machine *machine, const step_terms *terms, step_speeds *found) {
-    const axt_real half = AXT_R(0.5) * machine->time_step;
-    const axt_real *start = machine->speed;
+    const axt_real h = machine->time_step;
+    const axt_real a = terms->inertia[0];
+    const axt_real b = terms->inertia[1];
     const axt_real v = terms->twist_speed;
     const axt_real twist = machine->motion.twist;
-    found->end[0] = start[0];
-    found->end[1] = start[1];
-    axt_real impulse[2] = {AXT_R(0), AXT_R(0)};
-    axt_real most[2] = {AXT_R(0), AXT_R(0)}; /* impulses of dry friction */
+    axt_real stopped[2] = {AXT_R(0), AXT_R(0)}; /* changes of speed by dry friction [rad/s] */
     axt_real rate = v;
     for (uint32_t sweep = 0; sweep < terms->sweeps; sweep++) {
-        const axt_shaft_torque shaft =
-            axt_shaft_mean(&terms->shaft, twist, rate, machine->time_step);
-        const axt_real through = machine->time_step * axt_fma(shaft.slope, v - rate, shaft.torque);
-        const axt_real coupling = half * shaft.slope;
-        const axt_real a = terms->inertia[0];
-        const axt_real b = terms->inertia[1];
+        const axt_shaft_torque shaft = axt_shaft_mean(&terms->shaft, twist, rate, h);
+        const axt_real through = h * axt_fma(shaft.slope, v - rate, shaft.torque);
+        const axt_real coupling = AXT_R(0.5) * h * shaft.slope;
         const axt_real scale = AXT_R(1) / (a * b + (a + b) * coupling);
         const axt_real compliance[2] = {(b + coupling) * scale, (a + coupling) * scale};
-        const axt_real cross = coupling * scale;
-        const axt_real smooth[2] = {terms->impulse[0] - through, terms->impulse[1] + through};
+        /* what an impulse at the other end does here, for 1 that it does there */
+        const axt_real share[2] = {coupling / (a + coupling), coupling / (b + coupling)};
+        const axt_real impulse[2] = {terms->impulse[0] - through, terms->impulse[1] + through};
+        const axt_real sum = coupling * scale * (impulse[0] + impulse[1]);
+        const axt_real smooth[2] = {axt_fma(b * scale, impulse[0], sum),
+                                    axt_fma(a * scale, impulse[1], sum)};
 
         for (uint32_t i = 0; i < 2; i++) {
-            if (any(terms->dry[i]) && sweep < 2) { /* the limit depends on the speed but little */
-                const axt_real mean = AXT_R(0.5) * (start[i] + found->end[i]);
-                most[i] = terms->dry[i] * axt_friction_limit(&machine->effects.friction[i], mean);
-            }
-            const axt_real other = smooth[1 - i] + impulse[1 - i];
-            const axt_real change = compliance[i] * smooth[i] + cross * other;
-            axt_friction_end end = {.speed = start[i] + change};
-            if (any(terms->dry[i])) {
-                end = axt_friction_step(start[i], end.speed, compliance[i], most[i]);
-            }
-            impulse[i] = end.impulse;
-            found->end[i] = end.speed;
-            found->held[i] = end.held;
-            found->change[i] =
-                end.held ? end.speed - start[i] : change + compliance[i] * impulse[i];
+            const axt_real free = axt_fma(share[i], stopped[1 - i], smooth[i]);
+            const axt_friction_step slid =
+                axt_friction_slide(machine->speed[i], free, compliance[i] * terms->dry[i]);
+            found->held[i] = slid.held && any(terms->dry[i]);
+            found->change[i] = slid.change;
+            stopped[i] = slid.change - free;
         }
         if (!found->held[0]) { /* the table's friction has changed since */
-            found->change[0] =
-                compliance[0] * (smooth[0] + impulse[0]) + cross * (smooth[1] + impulse[1]);
-            found->end[0] = start[0] + found->change[0];
+            found->change[0] = smooth[0] + stopped[0] + share[0] * stopped[1];
         }
         const axt_real last = rate;
-        rate = v + AXT_R(0.5) * (found->change[0] - found->change[1]);
-        /* less than the twist's last digit */
-        const axt_real size = axt_fma(machine->time_step, axt_abs(rate), axt_abs(twist));
-        if (!(machine->time_step * axt_abs(rate - last) > AXT_EPSILON * size)) {
+        rate = axt_fma(AXT_R(0.5), found->change[0] - found->change[1], v);
+        /* the next sweep would change the square of this, or a share of it as small */
+        const axt_real size = axt_fma(h, axt_abs(rate), axt_abs(twist));
+        if (!(h * axt_abs(rate - last) > settled * size)) {
             break;
         }
     }
@@ -393,12 +398,13 @@ static void move(axt_machine *machine, const step_speeds *speeds, axt_real twist
     const axt_real half = AXT_R(0.5) * machine->time_step;
     const axt_real before[2] = {machine->speed[0], machine->speed[1]};
     for (uint32_t i = 0; i < 2; i++) {
-        axt_two speed = {speeds->end[i], AXT_R(0)};
+        axt_two speed = {before[i] + speeds->change[i], AXT_R(0)}; /* held: no digits are lost */
         if (!speeds->held[i]) {
             speed = axt_two_sum(before[i], speeds->change[i] + machine->speed_low[i]);
         }
         machine->speed[i] = limit(speed.hi, machine->speed_max);
         machine->speed_low[i] = speed.lo;
+        machine->speed_change[i] = machine->speed[i] - before[i];
     }
     const axt_real rate =
         (machine->speed[0] - machine->speed[1]) + (machine->speed_low[0] - machine->speed_low[1]);

@@ -38,6 +38,57 @@ int speed_plant(const float *torque, uint32_t length, uint32_t samples) {
     return (int)plant.rejected;
 }
 
+/* One of everything that the catalogue has, all of a size that matters. */
+static const axt_effects everything = {
+    .friction = {{.coulomb = 0.01F,
+                  .viscous = 1e-4F,
+                  .stribeck = 5e-3F,
+                  .stribeck_speed = 2.0F,
+                  .drift = 0.01F},
+                 {.coulomb = 0.01F,
+                  .viscous = 1e-4F,
+                  .stribeck = 5e-3F,
+                  .stribeck_speed = 2.0F,
+                  .drift = 0.01F}},
+    .torque_offset = {0.01F, -0.01F},
+    .disturbance = {{.amplitude = 0.01F, .frequency = 50.0F},
+                    {.amplitude = 0.01F, .frequency = 90.0F}},
+    .torque_ripple = {{.amplitude = 0.01F, .periods = 72.0F}},
+    .backlash = 1e-3F,
+    .stiffness_hardening = 1e5F,
+    .stiffness_drift = 1e-3F,
+    .load_change = {.ratio = 0.5F, .time = 3.0F},
+    .extra_mode = {.frequency = 6000.0F, .damping_ratio = 0.02F, .mass_ratio = 0.2F},
+    .torque_delay = 1e-4F,
+    .torque_saturation = 1.0F,
+    .lead_error = {{.amplitude = 1e-4F, .periods = 3.0F}},
+    .encoder_eccentricity = {{.amplitude = 1e-4F}, {.amplitude = 1e-4F}},
+    .encoder_delay = {1e-4F, 7e-5F},
+    .quantisation = {65536.0F, 65536.0F},
+};
+
+/* The axis without effects or with every one of them, at 20 kHz, the encoders read after every
+ * `decimation` steps. Returns as speed_plant(). */
+int speed_machine(const float *torque, uint32_t length, uint32_t samples, int all,
+                  uint32_t decimation) {
+    static axt_machine machine;
+    const axt_effects none = {0};
+    axt_player player;
+    if (axt_machine_init(&machine, &axt_axis_paper, 5e-5F, AXT_TORQUE_LINEAR,
+                         all ? &everything : &none) != AXT_OK ||
+        axt_player_init(&player, torque, length) != AXT_OK) {
+        return -1;
+    }
+    for (uint32_t n = 0; n < samples; n++) {
+        (void)axt_machine_step(&machine, axt_player_step(&player));
+        if (n % decimation == 0) {
+            axt_motion motion;
+            axt_machine_measure(&machine, &motion);
+        }
+    }
+    return (int)machine.rejected;
+}
+
 /* The control interrupt. `torque` has DRIVE_PERIOD samples. Returns as speed_plant(). */
 int speed_tick(const float *torque, uint32_t samples) {
     drive d;

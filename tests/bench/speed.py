@@ -7,6 +7,7 @@ says something about other machines.
 from __future__ import annotations
 
 import ctypes
+import functools
 import importlib
 import statistics
 import time
@@ -37,6 +38,15 @@ def library() -> ctypes.CDLL:
 def pointer(values: NDArray[np.float32]) -> Any:
     """A C float pointer to an array."""
     return values.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
+
+
+# With every effect or without, and the steps from one reading of the encoders to the next: as in
+# simulations of a 1 kHz record, and as on a drive.
+MACHINES = {
+    "machine_ideal": (0, 1),
+    "machine_every_effect": (1, 20),
+    "machine_every_effect_read_each_step": (1, 1),
+}
 
 
 @dataclass(frozen=True)
@@ -168,6 +178,10 @@ def step_times(core: ctypes.CDLL) -> dict[str, float]:
         "rls_5x4": (len(full.phi), full.core(core, FORGETTING)),
         "rls_3x2": (len(short.phi), short.core(core, FORGETTING)),
         "plant_ideal": (STEPS, lambda: core.speed_plant(pointer(torque), 512, STEPS)),
+        **{
+            what: (STEPS, functools.partial(core.speed_machine, pointer(torque), 512, STEPS, *how))
+            for what, how in MACHINES.items()
+        },
         "control_tick": (STEPS, lambda: core.speed_tick(pointer(torque), STEPS)),
     }
     return {
