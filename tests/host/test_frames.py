@@ -195,6 +195,14 @@ def test_a_change_of_the_stream_rate_parts_the_record() -> None:
     assert len(record) == 400
     assert record.time_step == pytest.approx(PERIOD * 10)
     fast.check(record)
+    # samples at the new rate come between the answer to the command and the report of the rate
+    sent.insert(-790, sent.pop(sent.index(sent[-801])))
+    code = CONTRACT.choice("Command", "StreamStart")
+    sent.insert(-801, report("Answer", 10, 0.1, flags=code))
+    record = decode(sent)
+    assert len(record) == 400
+    assert record.meta["frames"]["contradictory"] == 0
+    fast.check(record)
 
 
 def test_frames_of_the_wrong_length_are_counted_and_left_out() -> None:

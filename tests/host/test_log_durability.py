@@ -5,13 +5,11 @@ The emulated drive is on a pseudo-terminal, so these tests need no CAN interface
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import re
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,13 +25,10 @@ from axistwin.readers import buslog, read_record
 from axistwin.record import Record
 from axistwin.terminal import Terminal
 
+from .drive_process import axistwin, run, running_drive
 from .test_stream_faults import KNOWN, classical, flexible
 
-REPOSITORY = Path(__file__).resolve().parent.parent.parent
-EMULATOR = os.environ.get("AXISTWIN_EMULATOR") or str(REPOSITORY / "build" / "axistwin-emulator")
 RATE = 500.0
-# A process may have to wait for its turn on a busy machine longer than a drive would.
-PATIENCE = ("--heartbeat-timeout", "3")
 START_MAX = 60.0
 
 
@@ -41,19 +36,12 @@ START_MAX = 60.0
 def drive(tmp_path: Path) -> Iterator[Path]:
     """An emulated drive; its line."""
     line = tmp_path / "line"
-    command = [EMULATOR, "--bus", f"pty:{line}", "--stream-rate", str(RATE)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert "node 1 on" in process.stdout.readline()
+    with running_drive(line, "--stream-rate", str(RATE)):
         yield line
-        assert process.poll() is None
-        process.terminate()
-        process.communicate(timeout=30)
 
 
 def command(line: Path, log: Path, *arguments: str) -> list[str]:
-    bus = ("-i", "slcan", "-c", str(line), *PATIENCE)
-    return [sys.executable, "-m", "axistwin", "log", *bus, "-f", str(log), *arguments]
+    return axistwin("log", line, log, *arguments)
 
 
 def grown(file: Path, size: int) -> None:
@@ -94,9 +82,7 @@ def test_a_logger_that_is_killed_leaves_all_but_the_last_second(
     assert len(record) > 500
     if written != log:
         before = written.read_bytes()
-        again = subprocess.run(
-            command(drive, log, "--duration", "1"), capture_output=True, text=True, check=False
-        )
+        again = run(command(drive, log, "--duration", "1"))
         assert again.returncode == 2
         assert f"{written} is there: a log that was not completed" in again.stderr
         assert written.read_bytes() == before
@@ -191,11 +177,8 @@ def test_a_logger_that_is_told_to_end_completes_its_log(drive: Path, tmp_path: P
 def stopped(line: Path, folder: Path) -> None:
     """Checks that the drive was left as it was found: no stream, no torque."""
     trace = folder / "afterwards.csv"
-    bus = ("-i", "slcan", "-c", str(line), *PATIENCE)
-    arguments = [sys.executable, "-m", "axistwin", "trace", *bus, "-n", "100", "-f", str(trace)]
-    with contextlib.suppress(FileNotFoundError):
-        trace.unlink()
-    subprocess.run(arguments, check=True, capture_output=True)
+    ran = run(axistwin("trace", line, trace, "-n", "100"))
+    assert ran.returncode == 0, ran.stderr
     record = read_record(trace)
     assert (record.torque == 0.0).all()
 

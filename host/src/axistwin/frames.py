@@ -543,9 +543,14 @@ class _Stream(_Reader):
 
     def cuts(self, rows: Indices) -> npt.NDArray[np.bool_]:
         """Where the node says that its counter starts afresh: (n - 1,) for n rows."""
-        decimation = self.node.page_rows("StreamDecimation")
-        changed = np.diff(self.node.raw("Report", "StreamDecimation", decimation)) != 0
-        return _between(np.union1d(self.node.starts(), decimation[1:][changed]), rows)
+        node = self.node
+        pages = node.page_rows("StreamDecimation")
+        changed = np.flatnonzero(np.diff(node.raw("Report", "StreamDecimation", pages)) != 0)
+        before, after = pages[changed], pages[changed + 1]
+        # Another rate holds from the command on that is answered before it is reported.
+        answered = np.union1d(node.accepted("StreamStart"), node.accepted("StreamStartFd"))
+        last = np.append(-1, answered)[np.searchsorted(answered, after)]
+        return _between(np.union1d(node.starts(), np.where(last > before, last, after)), rows)
 
     def densest(self, count: Indices, samples: Indices) -> npt.NDArray[np.bool_]:
         """Which frames make a record that is at least half complete: cut at the longest gaps.
