@@ -134,6 +134,36 @@ def test_a_linear_axis_is_the_rotary_one_on_a_screw() -> None:
     assert np.mean(np.abs(counts[0] - counts[1]) > 1e-3) < 1e-2  # at the edge of a count
 
 
+@pytest.mark.parametrize("moment", [0.2, 0.5])
+def test_a_model_of_later_goes_on_where_the_first_part_ends(moment: float) -> None:
+    worn = Model(
+        AXIS,
+        (
+            Effect("friction_coulomb", "table", {"torque": 0.02}),
+            Effect("friction_viscous", "table", {"coefficient": 2e-4}),
+            Effect("friction_drift", "table", {"rate": 0.8}),
+            Effect("stiffness_drift", "shaft", {"rate": -0.5}),
+            Effect("load_change", "table", {"ratio": 1.0, "time": 0.3}),
+            Effect("disturbance", "motor", {"amplitude": 0.02, "frequency": 55.0, "phase": 1.0}),
+        ),
+    )
+    torque = torque_record(1e-4, 8000).torque
+    whole = core.simulate_effects(AXIS, worn.effects, 1e-4, torque)
+    n = round(moment / 1e-4)
+    state = State(whole.twist[n], whole.twist_speed[n], whole.omega1[n], whole.theta1[n])
+    theta1, theta2 = worn.later(moment).simulate(torque[n:], 1e-4, state, hold="newmark")
+    assert theta1 == pytest.approx(whole.theta1[n:], abs=1e-7)
+    assert theta2 == pytest.approx(whole.theta2[n:], abs=1e-7)
+    prompt, _ = worn.simulate(torque[n:], 1e-4, state, hold="newmark")
+    assert np.max(np.abs(prompt - whole.theta1[n:])) > 1e-2
+
+
+def test_a_stiffness_cannot_drift_below_nothing() -> None:
+    soft = Model(AXIS, (Effect("stiffness_drift", "shaft", {"rate": -0.5}),))
+    with pytest.raises(InputError, match="drifted to nothing"):
+        soft.later(2.0)
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [

@@ -136,6 +136,27 @@ class Model:
 
     # ---- As a simulation
 
+    def later(self, time: float) -> Model:
+        """The model for a simulation that starts ``time`` [s] later.
+
+        Drifts, disturbances and the change of the load count from the start of a simulation; here
+        they are as far as they have come by then. What began before is taken from the State that
+        the simulation is given. Raises InputError for a stiffness that has drifted to nothing.
+        """
+        grown = {
+            (effect.effect, effect.location): 1.0 + effect.params.get("rate", 0.0) * time
+            for effect in self.effects
+            if effect.effect in ("friction_drift", "stiffness_drift")
+        }
+        stiffness = grown.get(("stiffness_drift", "shaft"), 1.0)
+        if stiffness <= 0.0:
+            raise InputError(f"{time} s later the stiffness has drifted to nothing")
+        return replace(
+            self,
+            axis=replace(self.axis, K=self.axis.K * stiffness),
+            effects=tuple(_later(effect, time, grown) for effect in self.effects),
+        )
+
     def substeps(self, time_step: float) -> int:
         """Steps from one sample to the next, ``time_step`` [s], that the vibration asks for."""
         axis, _ = self._rotary()
@@ -217,6 +238,25 @@ class Model:
             params = ",".join(f"{name}={value!r}" for name, value in effect.params.items())
             options += ["--effect", f"{effect.effect}:{effect.location}:{params}"]
         return options
+
+
+def _later(effect: Effect, time: float, grown: Mapping[tuple[str, str], float]) -> Effect:
+    """One effect of Model.later(); ``grown`` is by how much what drifts has grown by then."""
+    params = dict(effect.params)
+    if effect.effect == "load_change":
+        params["time"] = max(0.0, params.get("time", 0.0) - time)
+    elif effect.effect == "disturbance":
+        phase = params.get("phase", 0.0) + params.get("frequency", 0.0) * time
+        params["phase"] = float(np.remainder(phase, 2.0 * np.pi))
+    elif effect.effect in ("friction_drift", "stiffness_drift"):
+        now = grown[effect.effect, effect.location]
+        params["rate"] = params.get("rate", 0.0) / now if now > 0.0 else 0.0
+    elif effect.effect in ("friction_coulomb", "friction_viscous", "friction_stribeck"):
+        now = max(0.0, grown.get(("friction_drift", effect.location), 1.0))
+        for name in ("torque", "coefficient"):
+            if name in params:
+                params[name] *= now
+    return replace(effect, params=params)
 
 
 # ---- As a file
