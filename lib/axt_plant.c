@@ -166,36 +166,12 @@ axt_status axt_plant_set(axt_plant *plant, const axt_motion *motion, axt_real to
     return AXT_OK;
 }
 
-/* The state at the end of a step, the turn not yet taken off. */
-AXT_UNROLLED axt_plant_state advance(const axt_plant *plant, axt_real torque) {
-    const axt_plant_state *last = &plant->state;
-    const axt_real shift = plant->shift;
-    axt_plant_state next;
-
-    next.change =
-        axt_fma(-plant->gain_twist, last->twist_ahead,
-                axt_fma(-plant->gain_rate, last->rate_ahead, plant->gain_torque * torque));
-    next.rate_ahead = last->rate_ahead + next.change;
-    next.twist_ahead = last->twist_ahead + next.rate_ahead;
-
-    const axt_real rest = last->travel_low + last->impulse_low;
-    const axt_real carry = round_to_grid(rest, shift);
-    next.travel = (last->travel + last->impulse) + carry;
-    next.travel_low = rest - carry;
-
-    const axt_real whole = round_to_grid(torque + last->impulse_low, shift);
-    next.impulse = last->impulse + whole;
-    next.impulse_low = (torque - whole) + last->impulse_low;
-    next.torque = torque;
-    return next;
-}
-
 /* Ends a step: a turn, when there is one, goes from `travel` to `turns`. */
 AXT_UNROLLED void settle(axt_plant *plant, axt_plant_state *next) {
     const axt_real half_turn = plant->half_turn;
     if (axt_abs(next->travel) > half_turn) {
         int32_t turns = plant->turns;
-        if (next->travel > half_turn) { /* exact on the grid */
+        if (next->travel > AXT_R(0)) { /* exact on the grid */
             next->travel = (next->travel - half_turn) - half_turn;
             turns = axt_wrap_add(turns, 1);
         } else {
@@ -225,7 +201,25 @@ static inline void saturate(axt_plant_state *next, axt_real half_turn, axt_real 
 }
 
 axt_status axt_plant_step(axt_plant *plant, axt_real torque) {
-    axt_plant_state next = advance(plant, torque);
+    const axt_plant_state last = plant->state;
+    const axt_real shift = plant->shift;
+    axt_plant_state next;
+    next.torque = torque;
+
+    next.change = axt_fma(-plant->gain_twist, last.twist_ahead,
+                          axt_fma(-plant->gain_rate, last.rate_ahead, plant->gain_torque * torque));
+    next.rate_ahead = last.rate_ahead + next.change;
+    next.twist_ahead = last.twist_ahead + next.rate_ahead;
+
+    const axt_real rest = last.travel_low + last.impulse_low;
+    const axt_real carry = round_to_grid(rest, shift);
+    next.travel = (last.travel + last.impulse) + carry;
+    next.travel_low = rest - carry;
+
+    const axt_real whole = round_to_grid(torque + last.impulse_low, shift);
+    next.impulse = last.impulse + whole;
+    next.impulse_low = (torque - whole) + last.impulse_low;
+
     /* One comparison for all that is out of the ordinary, not-a-number included. It bounds R, too,
      * which is the difference of two P, and the torque, the difference of two S. */
     if (!(axt_abs(next.impulse) + axt_abs(next.twist_ahead) <= plant->half_turn)) {
@@ -233,7 +227,7 @@ axt_status axt_plant_step(axt_plant *plant, axt_real torque) {
             plant->rejected++;
             return axt_finite(torque) ? AXT_ERROR_RANGE : AXT_ERROR_NOT_FINITE;
         }
-        saturate(&next, plant->half_turn, plant->shift);
+        saturate(&next, plant->half_turn, shift);
     }
     settle(plant, &next);
     return AXT_OK;
