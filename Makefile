@@ -195,7 +195,7 @@ lint-mypy: $(VENV)/.host-test
 	$(VENV)/bin/mypy --config-file host/pyproject.toml --cache-dir $(BUILD)/mypy $(PY_CODE)
 
 lint-clang-format: $(BUILD)/packages-check
-	clang-format --dry-run -Werror $(C_FILES)
+	clang-format --dry-run -Werror $(C_FILES) $(wildcard tests/proof/*.[ch])
 
 lint-clang-tidy: $(BUILD)/packages-check $(CONTRACT_HEADERS)
 	printf '%s\n' $(filter %.c,$(C_FILES)) | xargs --max-args=4 --max-procs=$$(nproc) sh -c \
@@ -278,6 +278,15 @@ $(VENV)/.bench: tests/tools/constraints.txt | $(VENV)/.build-tools
 ## bench     cost and survival beside their targets (build/bench.json); PART=instructions.cortex-m4f: only that
 bench: $(BUILD)/packages-build $(BUILD)/packages-bench $(VENV)/.bench
 	CORE_FLAGS="$(CORE_FLAGS)" PYTHONPATH=tests/tools $(VENV)/bin/python tests/bench/bench.py $(PART)
+
+# ---- Proof: for all values, not for those that a test tries ------------------------------------------
+
+PACKAGES_proof := frama-c-base gappa
+
+.PHONY: proof
+## proof     no undefined behaviour, and bounds that last: plant and codecs, by Frama-C (build/proof.json)
+proof: $(BUILD)/packages-build $(BUILD)/packages-proof $(CONTRACT)/axt_contract.h
+	$(PYTHON) tests/proof/proof.py $(BUILD)/proof.json
 
 # ---- Paper: the source paper reproduced, corrected and carried on ---------------------------------
 
