@@ -19,7 +19,7 @@ enum { LEAST_POWER = -28, MOST_POWER = 69 }; /* of half a turn: 6e-9 .. 7e20 N m
 static axt_plant any_plant(float power, float least, float most) {
     const float h = 1.000001F * most;
     const float x = 2.0F * most - least;
-    const float low = 0x1p-19F * power;
+    const float low = 0x1p-14F * power;
     axt_plant plant;
     plant.half_turn = any_float(least, most);
     plant.shift = 3.0F * power;
@@ -42,7 +42,7 @@ static axt_plant any_plant(float power, float least, float most) {
 static void prove_accepted(float power, float least, float most) {
     const float h = 1.000001F * most;
     const float x = 2.0F * most - least;
-    const float low = 0x1p-19F * power;
+    const float low = 0x1p-14F * power;
     axt_plant plant = any_plant(power, least, most);
     (void)axt_plant_step(&plant, any_float(-8.0F * power, 8.0F * power));
     //@ assert twist_ahead: -h <= plant.state.twist_ahead <= h;
