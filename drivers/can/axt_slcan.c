@@ -131,7 +131,11 @@ static void answer_end(axt_slcan_reply *reply, char end) {
 
 static void answer_done(bool done, axt_slcan_reply *reply) {
     answer_end(reply, done ? ok : bell);
-    reply->refused = !done;
+}
+
+static void answer_garbled(axt_slcan_reply *reply) {
+    answer_done(false, reply);
+    reply->garbled = true;
 }
 
 static void answer_text(axt_slcan_reply *reply, const char *text) {
@@ -187,13 +191,16 @@ static bool set_timestamps(axt_slcan *slcan, uint32_t length) {
 }
 
 static void answer_frame(const axt_slcan *slcan, uint32_t length, axt_slcan_reply *reply) {
-    const bool extended = kind_of(slcan->line[0]).extended;
-    if (slcan->channel != AXT_SLCAN_OPEN || !read_frame(slcan->line, length, &reply->frame)) {
+    if (slcan->channel != AXT_SLCAN_OPEN) {
         answer_done(false, reply);
         return;
     }
+    if (!read_frame(slcan->line, length, &reply->frame)) {
+        answer_garbled(reply);
+        return;
+    }
     reply->has_frame = true;
-    answer_text(reply, extended ? "Z" : "z");
+    answer_text(reply, kind_of(slcan->line[0]).extended ? "Z" : "z");
 }
 
 static void answer_flags(axt_slcan *slcan, uint32_t length, axt_slcan_reply *reply) {
@@ -272,7 +279,7 @@ static void run_line(axt_slcan *slcan, uint32_t length, axt_slcan_reply *reply) 
         answer_about(length, "NAXTW", reply);
         break;
     default:
-        answer_done(false, reply);
+        answer_garbled(reply);
         break;
     }
 }
@@ -291,7 +298,7 @@ bool axt_slcan_input(axt_slcan *slcan, char byte, axt_slcan_reply *reply) {
     slcan->length = 0;
     *reply = (axt_slcan_reply){0};
     if (length > AXT_SLCAN_LINE_MAX) {
-        answer_done(false, reply);
+        answer_garbled(reply);
     } else {
         run_line(slcan, length, reply);
     }

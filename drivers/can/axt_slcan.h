@@ -46,7 +46,7 @@ typedef struct {
 typedef struct {
     char answer[AXT_SLCAN_ANSWER_MAX];
     uint8_t answer_length;
-    bool refused;   /* the answer is BEL: garbled, unknown, or not now */
+    bool garbled;   /* no such command, or a frame that is none */
     bool has_frame; /* the host sends `frame` */
     axt_can_frame frame;
 } axt_slcan_reply;

@@ -88,7 +88,7 @@ static axt_can_status link_receive(axt_can *can, axt_can_frame *frame) {
         link->input_from++;
         if (axt_slcan_input(&link->slcan, byte, &reply)) {
             put(link, reply.answer, reply.answer_length);
-            can->health.error_frames += reply.refused ? 1 : 0;
+            can->health.error_frames += reply.garbled ? 1 : 0;
             if (reply.has_frame) {
                 *frame = reply.frame;
                 return AXT_CAN_OK;
