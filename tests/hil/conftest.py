@@ -41,6 +41,7 @@ class Emulator:
     carrier: Carrier
     arguments: tuple[str, ...]
     process: subprocess.Popen[str] = field(init=False)
+    channel: str = field(init=False)  # an interface, a terminal, or an address
 
     def __post_init__(self) -> None:
         self.start()
@@ -54,7 +55,9 @@ class Emulator:
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert self.process.stdout is not None
         line = self.process.stdout.readline()
-        assert READY.match(line), f"{command} says {line!r}"
+        ready = READY.match(line)
+        assert ready, f"{command} says {line!r}"
+        self.channel = ready[3]
 
     def kill(self) -> None:
         """Ends it as a power failure would."""
