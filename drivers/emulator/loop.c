@@ -68,6 +68,15 @@ static void talk(const axt_emulator_loop *loop, conversation *last) {
     }
 }
 
+static void wait_until(const axt_emulator_loop *loop, uint64_t moment) {
+    sleep_until(moment);
+    const uint64_t now = axt_clock_now();
+    if (loop->lateness != NULL && now >= moment) { /* else: a signal has ended the sleep */
+        const uint64_t late = smaller((now - moment) / 1000, AXT_EMULATOR_LATENESS_MAX);
+        loop->lateness->wakes[late]++;
+    }
+}
+
 void axt_emulator_run_in_real_time(const axt_emulator_loop *loop) {
     const uint64_t total = total_periods(loop);
     const uint64_t batch = (uint64_t)ceil(loop->wake / loop->period) + 1;
@@ -90,7 +99,7 @@ void axt_emulator_run_in_real_time(const axt_emulator_loop *loop) {
         }
         talk(loop, &last);
         if (done == due) {
-            sleep_until(start + (uint64_t)((wakes + 1) * loop->wake / loop->clock_rate * 1e9));
+            wait_until(loop, start + (uint64_t)((wakes + 1) * loop->wake / loop->clock_rate * 1e9));
         }
     }
 }

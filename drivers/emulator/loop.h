@@ -9,6 +9,13 @@
 #include "bus.h"
 #include "modbus_servers.h"
 
+enum { AXT_EMULATOR_LATENESS_MAX = 10000 }; /* [us] */
+
+/* How many wake-ups came so many microseconds late; all beyond the longest count as that. */
+typedef struct {
+    uint64_t wakes[AXT_EMULATOR_LATENESS_MAX + 1];
+} axt_emulator_lateness;
+
 typedef struct {
     axt_node *node;
     axt_emulator_bus *bus;
@@ -18,6 +25,7 @@ typedef struct {
     double clock_rate;                 /* the drive's seconds in one of ours, when in real time */
     double duration;                   /* of axis time [s], 0: no end */
     const volatile sig_atomic_t *stop; /* ends the loop when it is not 0 */
+    axt_emulator_lateness *lateness;   /* counted here when in real time; NULL: not counted */
 } axt_emulator_loop;
 
 /* Runs control period n at start + n x period of the drive's clock, rounded up to the next wake-up:

@@ -86,8 +86,24 @@ static axt_status start_node(const axt_emulator_options *options, axt_emulated_a
     return (status == AXT_OK) ? axt_node_init(node, &config, &port) : status;
 }
 
-static void run(const axt_emulator_options *options, axt_node *node, axt_emulator_bus *bus,
-                axt_emulator_modbus *modbus) {
+/* False when the file cannot be written. */
+static bool write_jitter(const char *path, const axt_emulator_lateness *lateness) {
+    FILE *file = fopen(path, "w");
+    if (file == NULL) {
+        return false;
+    }
+    (void)fprintf(file, "lateness_us,wakes\n");
+    for (unsigned i = 0; i <= AXT_EMULATOR_LATENESS_MAX; i++) {
+        if (lateness->wakes[i] > 0) {
+            (void)fprintf(file, "%u,%llu\n", i, (unsigned long long)lateness->wakes[i]);
+        }
+    }
+    return fclose(file) == 0;
+}
+
+static int run(const axt_emulator_options *options, axt_node *node, axt_emulator_bus *bus,
+               axt_emulator_modbus *modbus) {
+    static axt_emulator_lateness lateness;
     const axt_emulator_loop loop = {
         .node = node,
         .bus = bus,
@@ -97,6 +113,7 @@ static void run(const axt_emulator_options *options, axt_node *node, axt_emulato
         .clock_rate = options->clock_rate,
         .duration = options->duration,
         .stop = &stop,
+        .lateness = (options->jitter != NULL) ? &lateness : NULL,
     };
     (void)printf("axistwin-emulator: node %u on %s, %.6g Hz, stream %.6g Hz, %s%s\n",
                  (unsigned)options->node, bus->name, 1.0 / options->period,
@@ -118,6 +135,12 @@ static void run(const axt_emulator_options *options, axt_node *node, axt_emulato
                  (unsigned long)node->rejected, (unsigned long)health->error_frames,
                  (unsigned long)health->bus_off, (unsigned long)health->outages,
                  (unsigned long)health->overflows);
+    if (options->jitter != NULL && !write_jitter(options->jitter, &lateness)) {
+        (void)fprintf(stderr, "axistwin-emulator: cannot write %s: %s\n", options->jitter,
+                      strerror(errno));
+        return EXIT_BUS;
+    }
+    return EXIT_FINE;
 }
 
 int main(int argc, char **argv) {
@@ -147,9 +170,8 @@ int main(int argc, char **argv) {
     if (status == AXT_OK) {
         result = EXIT_BUS;
         if (axt_emulator_modbus_open(&modbus, &options, &node)) {
-            run(&options, &node, &bus, &modbus);
+            result = run(&options, &node, &bus, &modbus);
             axt_emulator_modbus_close(&modbus);
-            result = EXIT_FINE;
         }
     } else {
         (void)fprintf(

@@ -54,6 +54,7 @@ static const char usage[] =
     "                        due (default: 1000). Waking up for every single period takes a\n"
     "                        tenth of a processor at 20 kHz, where 1000 a second take less than a\n"
     "                        hundredth; the axis cannot tell, for its time is counted in periods\n"
+    "  --jitter FILE         write how late the wake-ups were: a histogram, lateness_us,wakes\n"
     "  --clock-error PPM     the drive's clock runs this much fast (default: 0)\n"
     "  --realtime-priority N run under SCHED_FIFO with this priority, memory locked\n"
     "\n"
@@ -80,6 +81,7 @@ enum {
     SIMULATED,
     DURATION,
     WAKE,
+    JITTER,
     CLOCK_ERROR,
     REALTIME_PRIORITY,
     HELP,
@@ -107,6 +109,7 @@ static const struct option long_options[] = {
     {"simulated", no_argument, NULL, SIMULATED},
     {"duration", required_argument, NULL, DURATION},
     {"wake", required_argument, NULL, WAKE},
+    {"jitter", required_argument, NULL, JITTER},
     {"clock-error", required_argument, NULL, CLOCK_ERROR},
     {"realtime-priority", required_argument, NULL, REALTIME_PRIORITY},
     {"help", no_argument, NULL, HELP},
@@ -314,6 +317,9 @@ static bool read_one(int option, axt_emulator_options *options, double *stream_r
         break;
     case WAKE:
         fine = read_number("wake", text, 1, 1e6, wake_rate);
+        break;
+    case JITTER:
+        options->jitter = text;
         break;
     case CLOCK_ERROR:
         fine = read_number("clock-error", text, -1e5, 1e5, &number);

@@ -34,6 +34,7 @@ typedef struct {
     bool simulated;
     double duration;       /* of axis time [s], 0: until a signal */
     double wake;           /* interval of the loop [s] */
+    const char *jitter;    /* file for the histogram of late wake-ups, or NULL */
     double clock_rate;     /* the drive's seconds in one of ours */
     int realtime_priority; /* 1 .. 99, 0: none */
 } axt_emulator_options;
