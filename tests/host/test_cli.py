@@ -36,7 +36,9 @@ def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None
     assert capsys.readouterr().out == f"axistwin {axistwin.__version__}\n"
 
 
-@pytest.mark.parametrize("verb", ["log", "trace", "excite", "simulate", "identify", "demo"])
+@pytest.mark.parametrize(
+    "verb", ["log", "trace", "excite", "simulate", "compare", "identify", "demo"]
+)
 def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["--help"])

@@ -157,10 +157,14 @@ class Model:
             effects=tuple(_later(effect, time, grown) for effect in self.effects),
         )
 
+    @property
+    def natural_frequency(self) -> float:
+        """Of the shaft, undamped [rad/s]."""
+        return core.modal(self._rotary()[0]).wn
+
     def substeps(self, time_step: float) -> int:
         """Steps from one sample to the next, ``time_step`` [s], that the vibration asks for."""
-        axis, _ = self._rotary()
-        wn = core.modal(axis).wn
+        wn = self.natural_frequency
         modes = [e.params.get("frequency", 0.0) for e in self.effects if e.effect == "extra_mode"]
         fastest = max([wn, *modes])
         return max(1, int(np.ceil(fastest * time_step / _VIBRATION_STEP_MAX)))
