@@ -19,6 +19,7 @@
 #include "axt_regressor.h"
 #include "axt_rls.h"
 #include "axt_rows.h"
+#include "axt_scatter.h"
 #include "axt_shaft.h"
 #include "axt_status.h"
 #include "axt_torque.h"

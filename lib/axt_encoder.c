@@ -28,7 +28,7 @@ axt_status axt_encoder_read(uint32_t counts_per_turn, const axt_motion *motion,
 }
 
 int32_t axt_encoder_difference(int32_t later, int32_t earlier) {
-    return (int32_t)((uint32_t)later - (uint32_t)earlier);
+    return axt_wrap_sub(later, earlier);
 }
 
 axt_real axt_encoder_angle(uint32_t counts_per_turn, int32_t counts) {

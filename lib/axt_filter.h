@@ -16,20 +16,27 @@
 
 /* What all channels share. */
 typedef struct {
-    axt_real half_dt; /* Dt / 2 [s] */
-    axt_real w;       /* corner [rad/s] */
-    axt_real w2;      /* 2 w^2 */
-    axt_real w3;      /* w^3 */
-    axt_real gain;    /* 1 / (1 + 2 g + 2 g^2 + g^3), g = w Dt / 2 */
+    axt_real w;            /* corner [rad/s] */
+    axt_real half_dt;      /* Dt / 2 [s] */
+    axt_real pull;         /* jerk for 1 of input - value, */
+    axt_real drag;         /* of rate, */
+    axt_real deceleration; /* and of acceleration: see axt_filter.c */
 } axt_filter;
 
-/* One signal's memory: filtered value, rate, acceleration, and the acceleration's own rate. */
+/* One signal's memory: what its three integrators start the next step from. */
+typedef struct {
+    axt_real value;        /* [unit] */
+    axt_real rate;         /* [unit/s] */
+    axt_real acceleration; /* [unit/s2] */
+} axt_filter_state;
+
+/* What comes out. */
 typedef struct {
     axt_real value;        /* [unit] */
     axt_real rate;         /* [unit/s] */
     axt_real acceleration; /* [unit/s2] */
     axt_real jerk;         /* [unit/s3] */
-} axt_filter_state;
+} axt_filtered;
 
 /* `corner` [rad/s] > 0 with corner x time_step <= 3 (below the Nyquist frequency), time_step [s] >
  * 0. AXT_ERROR_RANGE leaves the filter unchanged. */
@@ -38,8 +45,8 @@ axt_status axt_filter_init(axt_filter *filter, axt_real corner, axt_real time_st
 /* Starts a channel as if `value` had stood there for ever. */
 void axt_filter_start(axt_filter_state *state, axt_real value);
 
-/* One sample. Cost: 10 multiply-adds. The caller keeps the input finite. */
-void axt_filter_step(const axt_filter *filter, axt_filter_state *state, axt_real input);
+/* One sample. Cost: 9 multiply-adds and a subtraction. The caller keeps the input finite. */
+axt_filtered axt_filter_step(const axt_filter *filter, axt_filter_state *state, axt_real input);
 
 /* Moves the channel's zero by `shift`, as if every sample so far had been that much larger. */
 void axt_filter_shift(axt_filter_state *state, axt_real shift);

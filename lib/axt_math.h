@@ -99,9 +99,25 @@ static inline bool axt_finite(axt_real x) {
 /* For the branches of a dispatcher: each saves only the registers it needs itself. */
 #define AXT_SEPARATE static __attribute__((noinline))
 
+/* For what is called seldom: small before fast. */
+#define AXT_COLD __attribute__((cold))
+
 /* a + b on a register that wraps around at 32 bits, as an encoder's does. */
 static inline int32_t axt_wrap_add(int32_t a, int32_t b) {
     return (int32_t)((uint32_t)a + (uint32_t)b);
+}
+
+/* later - earlier on such a register. */
+static inline int32_t axt_wrap_sub(int32_t later, int32_t earlier) {
+    return (int32_t)((uint32_t)later - (uint32_t)earlier);
+}
+
+/* One more on a counter that stops at its end. */
+static inline void axt_count(uint32_t *counter) {
+    const uint32_t next = *counter + 1;
+    if (next != 0) {
+        *counter = next;
+    }
 }
 
 /* An unevaluated sum hi + lo with |lo| <= half a unit in the last place of hi: twice the digits. */

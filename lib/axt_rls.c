@@ -18,15 +18,9 @@ static inline uint32_t packed(uint32_t i, uint32_t j) {
     return j * (j + 1) / 2 + i;
 }
 
-/* Which update a filter takes; zero is the cheapest to ask for. */
-enum { SHAPE_3X2, SHAPE_5X4, SHAPE_OTHER };
-
-static uint8_t shape_of(uint32_t inputs, uint32_t outputs) {
-    if (inputs == 3 && outputs == 2) {
-        return SHAPE_3X2;
-    }
-    return (inputs == 5 && outputs == 4) ? SHAPE_5X4 : SHAPE_OTHER;
-}
+/* Which update fits: inputs and outputs in a nibble each, and 3x2 made zero, which is the cheapest
+ * to ask for. */
+#define SHAPE(inputs, outputs) ((((inputs) << 4) | (outputs)) ^ 0x32U)
 
 /* Where growth of D ends: a few roundings above the start, so that at the start it is not negative.
  */
@@ -34,17 +28,19 @@ static axt_real largest_factor(axt_real prior) {
     return prior * (AXT_R(1) + AXT_R(16) * AXT_EPSILON);
 }
 
-static void start_factors(axt_rls *rls) {
-    for (uint32_t j = 0; j < AXT_RLS_INPUTS_MAX; j++) {
-        for (uint32_t i = 0; i < j; i++) {
-            rls->factor[packed(i, j)] = AXT_R(0);
-        }
-        rls->factor[packed(j, j)] = (j < rls->inputs) ? rls->prior : AXT_R(0);
+AXT_SEPARATE AXT_COLD void start_factors(axt_rls *rls) {
+    for (uint32_t i = 0; i < AXT_RLS_FACTORS_MAX; i++) {
+        rls->factor[i] = AXT_R(0);
+    }
+    axt_real *d = rls->factor;
+    for (uint32_t j = 0; j < rls->inputs; j++) {
+        *d = rls->prior;
+        d += j + 2; /* along the diagonal */
     }
 }
 
-axt_status axt_rls_init(axt_rls *rls, uint32_t inputs, uint32_t outputs, axt_real forgetting,
-                        axt_real prior) {
+AXT_COLD axt_status axt_rls_init(axt_rls *rls, uint32_t inputs, uint32_t outputs,
+                                 axt_real forgetting, axt_real prior) {
     if (inputs < 1 || inputs > AXT_RLS_INPUTS_MAX || outputs < 1 || outputs > AXT_RLS_OUTPUTS_MAX ||
         !(forgetting >= AXT_R(0.9) && forgetting <= AXT_R(1)) ||
         !(prior >= AXT_R(1) && prior <= AXT_R(1e15))) {
@@ -55,14 +51,14 @@ axt_status axt_rls_init(axt_rls *rls, uint32_t inputs, uint32_t outputs, axt_rea
                      .prior = prior,
                      .growth_max = growth_max,
                      .growth_fade = growth_max / largest_factor(prior),
-                     .shape = shape_of(inputs, outputs),
+                     .shape = (uint8_t)SHAPE(inputs, outputs),
                      .inputs = (uint8_t)inputs,
                      .outputs = (uint8_t)outputs};
     axt_rls_reset(rls);
     return AXT_OK;
 }
 
-void axt_rls_reset(axt_rls *rls) {
+AXT_COLD void axt_rls_reset(axt_rls *rls) {
     for (uint32_t k = 0; k < AXT_RLS_OUTPUTS_MAX; k++) {
         for (uint32_t j = 0; j < AXT_RLS_INPUTS_MAX; j++) {
             rls->theta[k][j] = AXT_R(0);
@@ -73,25 +69,17 @@ void axt_rls_reset(axt_rls *rls) {
     start_factors(rls);
 }
 
-/* One more, until no more fit. */
-static inline void count(uint32_t *counter) {
-    const uint32_t next = *counter + 1;
-    if (next != 0) {
-        *counter = next;
-    }
-}
-
 /* Refuses a sample before anything has changed. */
-AXT_SEPARATE axt_status reject(axt_rls *rls, axt_real size) {
-    count(&rls->rejected);
+AXT_SEPARATE AXT_COLD axt_status reject(axt_rls *rls, axt_real size) {
+    axt_count(&rls->rejected);
     return axt_finite(size) ? AXT_ERROR_RANGE : AXT_ERROR_NOT_FINITE;
 }
 
 /* The factors have left the range of the number type, which no scaled motion was seen to do: what
  * was known of the uncertainty is lost, what was known of the axis is kept. */
-AXT_SEPARATE axt_status restart(axt_rls *rls) {
+AXT_SEPARATE AXT_COLD axt_status restart(axt_rls *rls) {
     start_factors(rls);
-    count(&rls->restarts);
+    axt_count(&rls->restarts);
     return AXT_ERROR_RANGE;
 }
 
@@ -197,16 +185,16 @@ AXT_SEPARATE axt_status update_padded(axt_rls *restrict rls, const axt_real *res
 
 axt_status axt_rls_update(axt_rls *restrict rls, const axt_real *restrict phi,
                           const axt_real *restrict y) {
-    if (rls->shape == SHAPE_3X2) {
+    if (rls->shape == SHAPE(3U, 2U)) {
         return update_3x2(rls, phi, y);
     }
-    if (rls->shape == SHAPE_5X4) {
+    if (rls->shape == SHAPE(5U, 4U)) {
         return update_5x4(rls, phi, y);
     }
     return update_padded(rls, phi, y);
 }
 
-axt_real axt_rls_covariance(const axt_rls *rls, uint32_t row, uint32_t column) {
+AXT_COLD axt_real axt_rls_covariance(const axt_rls *rls, uint32_t row, uint32_t column) {
     const uint32_t n = rls->inputs;
     if (row >= n || column >= n) {
         return AXT_R(0);
@@ -220,7 +208,24 @@ axt_real axt_rls_covariance(const axt_rls *rls, uint32_t row, uint32_t column) {
     return sum;
 }
 
-bool axt_rls_invariants(const axt_rls *rls) {
+/* P^-1 = U^-T D^-1 U^-1, so with U x = the unit vector of this input it is the sum of x^2 / D. */
+AXT_COLD axt_real axt_rls_information(const axt_rls *rls, uint32_t input) {
+    if (input >= rls->inputs) {
+        return AXT_R(0);
+    }
+    axt_real x[AXT_RLS_INPUTS_MAX];
+    axt_real sum = AXT_R(0);
+    for (uint32_t j = input + 1; j-- > 0;) {
+        x[j] = (j == input) ? AXT_R(1) : AXT_R(0);
+        for (uint32_t k = j + 1; k <= input; k++) {
+            x[j] -= rls->factor[packed(j, k)] * x[k];
+        }
+        sum += x[j] * x[j] / rls->factor[packed(j, j)];
+    }
+    return sum;
+}
+
+AXT_COLD bool axt_rls_invariants(const axt_rls *rls) {
     const uint32_t n = rls->inputs;
     bool holds = n >= 1 && n <= AXT_RLS_INPUTS_MAX && rls->outputs >= 1 &&
                  rls->outputs <= AXT_RLS_OUTPUTS_MAX && rls->forgetting >= AXT_R(0.9) &&

@@ -68,6 +68,10 @@ axt_status axt_rls_update(axt_rls *rls, const axt_real *phi, const axt_real *y);
 /* Element (row, column) of P = U D U'; 0 for indices out of range. */
 axt_real axt_rls_covariance(const axt_rls *rls, uint32_t row, uint32_t column);
 
+/* Element (input, input) of P^-1: how much is known in the direction of one input, the others left
+ * as they are. 0 for an index out of range. Cost: up to 15 operations and 5 divisions. */
+axt_real axt_rls_information(const axt_rls *rls, uint32_t input);
+
 /* Every condition that holds between two calls: settings in range, finite state, D positive and not
  * above its start, and with it P positive definite. For tests, fuzzers and self-checks; about 50
  * operations. */

@@ -20,4 +20,21 @@ typedef struct {
  * unchanged. Cost: 4 divisions. */
 axt_status axt_axis_from_rows(const axt_rows *rows, axt_real share, axt_axis *axis);
 
+/* Which equation rows of held torque belong to: of positions and speeds, or of positions alone. */
+typedef enum { AXT_ROWS_OF_SPEEDS, AXT_ROWS_OF_POSITIONS } axt_rows_kind;
+
+/* Under torque that is held over each time step [s], the entries that a regression on quotients and
+ * means finds are not those of Eq. 8. With N = (2 / Dt) tanh(A Dt / 2) = a 1 + b A, A = [[0, 1],
+ * [-k, -d]], the row of q'' reads
+ *
+ *     of speeds     [-b k,   a - b d,  b / I1]
+ *     of positions  [-det N, trace N, det N / (k I1)]
+ *
+ * Turns them into the rows of Eq. 8, and `factor` into what each of the three columns was
+ * multiplied with. By fixed point, as a and b depend on k and d: at most 30 times one exact map
+ * (axt_integrator.h), not for the interrupt. AXT_ERROR_NO_DATA when there is no such axis; nothing
+ * is then changed. */
+axt_status axt_rows_from_held(axt_rows *rows, axt_rows_kind kind, axt_real time_step,
+                              axt_real factor[3]);
+
 #endif

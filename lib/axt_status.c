@@ -12,6 +12,10 @@ const char *axt_status_string(axt_status status) {
         return "buffer too small or empty";
     case AXT_ERROR_NO_DATA:
         return "not enough data to answer";
+    case AXT_ERROR_REPEATED:
+        return "sample is not newer than the last one";
+    case AXT_ERROR_JUMP:
+        return "sample jumps further than the axis can";
     }
     return "unknown status";
 }

@@ -120,9 +120,11 @@ static void next_torque(axt_node *node, axt_node_sample *sample) {
 }
 
 static void learn(axt_node *node, const axt_node_sample *sample, axt_real torque) {
-    const axt_status status = axt_ident_counts(&node->ident, sample->position[AXT_ENCODER_MOTOR],
-                                               sample->position[AXT_ENCODER_TABLE], torque);
-    if (status != AXT_OK) {
+    const int32_t *position = sample->position;
+    const axt_status status =
+        axt_ident_counts(&node->ident, (uint32_t)node->n, position[AXT_ENCODER_MOTOR],
+                         position[AXT_ENCODER_TABLE], torque);
+    if (status != AXT_OK && status != AXT_ERROR_NO_DATA) {
         count(&node->rejected, 1);
     }
 }

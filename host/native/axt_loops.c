@@ -82,6 +82,10 @@ static bool due(size_t i, size_t n, size_t every) {
     return (i + 1) % every == 0 || i + 1 == n;
 }
 
+static uint32_t refused(const axt_ident_counters *counters) {
+    return counters->not_finite + counters->range + counters->repeated + counters->jumped;
+}
+
 axt_status axt_loop_ident_motion(const axt_ident_config *config, const axt_motion *motion,
                                  const axt_real *torque, const uint8_t *gap, size_t n, size_t every,
                                  axt_estimate *estimates, uint32_t *rejected) {
@@ -90,16 +94,16 @@ axt_status axt_loop_ident_motion(const axt_ident_config *config, const axt_motio
     if (status != AXT_OK) {
         return status;
     }
+    uint32_t number = 0;
     for (size_t i = 0; i < n; i++) {
-        if (gap[i]) {
-            axt_ident_gap(&ident);
-        }
-        (void)axt_ident_motion(&ident, &motion[i], torque[i]); /* what it refuses, it counts */
+        number += 1U + gap[i];
+        (void)axt_ident_motion(&ident, number, &motion[i],
+                               torque[i]); /* what it refuses, it counts */
         if (due(i, n, every)) {
             (void)axt_ident_result(&ident, estimates++); /* no answer yet: zeros, not valid */
         }
     }
-    *rejected = ident.rls.rejected;
+    *rejected = refused(&ident.counters);
     return AXT_OK;
 }
 
@@ -112,15 +116,15 @@ axt_status axt_loop_ident_counts(const axt_ident_config *config, const int32_t *
     if (status != AXT_OK) {
         return status;
     }
+    uint32_t number = 0;
     for (size_t i = 0; i < n; i++) {
-        if (gap[i]) {
-            axt_ident_gap(&ident);
-        }
-        (void)axt_ident_counts(&ident, motor[i], table[i], torque[i]); /* as above */
+        number += 1U + gap[i];
+        (void)axt_ident_counts(&ident, number, motor[i], table[i],
+                               torque[i]); /* what it refuses, it counts */
         if (due(i, n, every)) {
             (void)axt_ident_result(&ident, estimates++);
         }
     }
-    *rejected = ident.rls.rejected;
+    *rejected = refused(&ident.counters);
     return AXT_OK;
 }

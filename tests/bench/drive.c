@@ -45,13 +45,31 @@ static uint32_t fault(axt_status status) {
     return (status == AXT_OK) ? 0U : 1U;
 }
 
-void drive_control_tick(drive *d) {
+/* Excitation, the emulated axis and its two encoders; returns the torque. */
+static axt_real move(drive *d) {
     const axt_real torque = axt_player_step(&d->excitation);
     axt_motion motion;
-    uint32_t faults = fault(axt_plant_step(&d->plant, torque));
+    d->faults += fault(axt_plant_step(&d->plant, torque));
     axt_plant_read(&d->plant, &motion);
-    faults += fault(axt_encoder_read(DRIVE_COUNTS, &motion, AXT_ENCODER_MOTOR, &d->count[0]));
-    faults += fault(axt_encoder_read(DRIVE_COUNTS, &motion, AXT_ENCODER_TABLE, &d->count[1]));
-    faults += fault(axt_ident_counts(&d->ident, d->count[0], d->count[1], torque));
-    d->faults += faults;
+    d->faults += fault(axt_encoder_read(DRIVE_COUNTS, &motion, AXT_ENCODER_MOTOR, &d->count[0]));
+    d->faults += fault(axt_encoder_read(DRIVE_COUNTS, &motion, AXT_ENCODER_TABLE, &d->count[1]));
+    return torque;
+}
+
+void drive_control_tick(drive *d) {
+    const axt_real torque = move(d);
+    axt_ident *ident = &d->ident;
+    axt_status status =
+        axt_regressor_counts(&ident->regressor, d->count[0], d->count[1], torque, &ident->equation);
+    if (status == AXT_OK) {
+        status = axt_rls_update(&ident->rls, ident->equation.phi, ident->equation.y);
+    }
+    d->faults += (status == AXT_ERROR_NO_DATA) ? 0U : fault(status);
+}
+
+void drive_identifying_tick(drive *d) {
+    const axt_real torque = move(d);
+    const axt_status status =
+        axt_ident_counts(&d->ident, d->number++, d->count[0], d->count[1], torque);
+    d->faults += (status == AXT_ERROR_NO_DATA) ? 0U : fault(status);
 }

@@ -17,7 +17,8 @@ typedef struct {
     axt_plant plant;
     axt_ident ident;
     int32_t count[2]; /* encoders at motor and table */
-    uint32_t faults;  /* calls that did not answer AXT_OK */
+    uint32_t number;  /* of the next sample */
+    uint32_t faults;  /* calls that failed */
 } drive;
 
 /* The time step of the paper's first setting [s]. */
@@ -34,7 +35,11 @@ axt_ident_config drive_ident_config(axt_ident_form form, axt_real forgetting, bo
  * form from encoders. */
 axt_status drive_init(drive *d, const axt_real *table, axt_real speed);
 
-/* The control interrupt: excitation, the emulated axis, its two encoders, and identification. */
+/* Both steps, excitation and encoders: the emulated axis and recursive least squares on what its
+ * encoders show. */
 void drive_control_tick(drive *d);
+
+/* The same with all that axt_ident adds: guards, counters and what standard errors take. */
+void drive_identifying_tick(drive *d);
 
 #endif

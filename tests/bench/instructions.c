@@ -25,6 +25,7 @@ static const struct {
 /* Each is called with what the others give; all but the drive are one step of it. */
 typedef struct {
     drive drive;
+    drive identifying;
     axt_player excitation;
     axt_plant plant;
     axt_filter filter;
@@ -56,6 +57,7 @@ static void require(axt_status status) {
 static void set_up(void) {
     drive_fill_excitation(excitation);
     require(drive_init(&subject.drive, excitation, SPEED));
+    subject.identifying = subject.drive;
     subject.excitation = subject.drive.excitation;
     subject.plant = subject.drive.plant;
     subject.filter = subject.drive.ident.regressor.filter;
@@ -97,9 +99,10 @@ static void use_sample(const sample *x) {
         const axt_real *const phi = x->equation[i].phi;
         const axt_real *const y = x->equation[i].y;
         COUNTED(form[i].rls, axt_rls_update(rls, phi, y));
-        COUNTED(form[i].ident_motion, axt_ident_motion(motion, &x->motion, x->torque));
+        COUNTED(form[i].ident_motion,
+                axt_ident_motion(motion, motion->guard.next, &x->motion, x->torque));
         COUNTED(form[i].ident_counts,
-                axt_ident_counts(counts, x->count[0], x->count[1], x->torque));
+                axt_ident_counts(counts, counts->guard.next, x->count[0], x->count[1], x->torque));
     }
 }
 
@@ -111,6 +114,9 @@ static void run(uint32_t samples) {
         counter_begin();
         drive_control_tick(&subject.drive);
         counter_end("control_tick");
+        counter_begin();
+        drive_identifying_tick(&subject.identifying);
+        counter_end("identifying_tick");
         COUNTED("excitation", x.torque = axt_player_step(&subject.excitation));
         make_sample(&x);
         use_sample(&x);
@@ -118,16 +124,16 @@ static void run(uint32_t samples) {
 }
 
 static void learn_from_counts(void) {
-    (void)axt_ident_counts(&subject.from_counts[1], 0, 0, 0.0F);
+    (void)axt_ident_counts(&subject.from_counts[1], subject.from_counts[1].guard.next, 0, 0, 0.0F);
 }
 
 static void learn_from_motion(void) {
     static const axt_motion rest;
-    (void)axt_ident_motion(&subject.from_motion[1], &rest, 0.0F);
+    (void)axt_ident_motion(&subject.from_motion[1], subject.from_motion[1].guard.next, &rest, 0.0F);
 }
 
 static void tick(void) {
-    drive_control_tick(&subject.drive);
+    drive_identifying_tick(&subject.identifying);
 }
 
 /* Standing still with forgetting: whatever winds up does so now. */
@@ -136,8 +142,10 @@ static void stand_still(void) {
     const axt_motion rest = {.twist = 0.0F};
     require(axt_plant_set(&subject.plant, &rest, 0.0F));
     require(axt_plant_set(&subject.drive.plant, &rest, 0.0F));
+    require(axt_plant_set(&subject.identifying.plant, &rest, 0.0F));
     require(axt_player_init(&subject.excitation, nothing, 1));
     require(axt_player_init(&subject.drive.excitation, nothing, 1));
+    require(axt_player_init(&subject.identifying.excitation, nothing, 1));
     run(STANDING);
 }
 
@@ -149,9 +157,13 @@ static void disturb(const axt_real *value) {
 
     sample x = {.torque = *value};
     require(axt_player_init(&subject.drive.excitation, value, 1));
+    require(axt_player_init(&subject.identifying.excitation, value, 1));
     counter_begin();
     drive_control_tick(&subject.drive);
     counter_end("control_tick");
+    counter_begin();
+    drive_identifying_tick(&subject.identifying);
+    counter_end("identifying_tick");
     make_sample(&x);
     use_sample(&x);
     subject = before;
@@ -192,12 +204,12 @@ int main(void) {
     run(2 * DRIVE_PERIOD); /* until filters have settled and estimates stand */
     counter_section("running");
     run(RUNNING);
-    if (subject.drive.faults != 0) {
+    if (subject.drive.faults != 0 || subject.identifying.faults != 0) {
         counter_fail("the drive refused a sample of normal running");
     }
     counter_stack("axt_ident_counts", learn_from_counts);
     counter_stack("axt_ident_motion", learn_from_motion);
-    counter_stack("control_tick", tick);
+    counter_stack("identifying_tick", tick);
     counter_section("disturbed");
     for (unsigned i = 0; i < sizeof values / sizeof values[0]; i++) {
         disturb(&values[i]);

@@ -100,13 +100,14 @@ static double noise(void) {
 static double dither; /* counts of noise on the encoders, and that per mille on the torque */
 
 static axt_status learn(axt_ident *ident, const true_axis *a, bool encoders) {
+    const uint32_t number = ident->guard.next;
     if (!encoders) {
         const axt_motion motion = seen_motion(a);
-        return axt_ident_motion(ident, &motion, (float)a->torque);
+        return axt_ident_motion(ident, number, &motion, (float)a->torque);
     }
     const double count = 2 * M_PI / DRIVE_COUNTS;
     const double torque = a->torque + dither * 1e-3 * (double)DRIVE_TORQUE * noise();
-    return axt_ident_counts(ident, seen_count(motor_angle(a) + dither * count * noise()),
+    return axt_ident_counts(ident, number, seen_count(motor_angle(a) + dither * count * noise()),
                             seen_count(motor_angle(a) - a->twist + dither * count * noise()),
                             (float)torque);
 }
@@ -428,7 +429,7 @@ static void age(axt_real forgetting) {
         axt_motion motion;
         (void)axt_plant_step(&d.plant, torque);
         axt_plant_read(&d.plant, &motion);
-        (void)axt_ident_motion(&d.ident, &motion, torque);
+        (void)axt_ident_motion(&d.ident, d.number++, &motion, torque);
         if (n % (CHECK_EVERY * DRIVE_PERIOD) == CHECK_EVERY) {
             worst = fmax(worst, ident_error(&d.ident));
             finite = finite && axt_rls_invariants(&d.ident.rls);

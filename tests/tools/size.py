@@ -136,6 +136,16 @@ def sections(tool: str, file: Path) -> tuple[int, int, int]:
     return int(text), int(data), int(bss)
 
 
+def function_sizes(tool: str, file: Path) -> dict[str, int]:
+    """Bytes of each function of an object file, static ones too."""
+    sizes = {}
+    for line in run([f"{tool}nm", "--print-size", str(file)]).splitlines():
+        fields = line.split()
+        if len(fields) == 4 and fields[2] in "Tt":
+            sizes[fields[3]] = int(fields[1], 16)
+    return sizes
+
+
 def check_undefined(tool: str, objects: list[Path], allowed: set[str]) -> None:
     """Fails when the objects together want something that the core does not document."""
     defined: set[str] = set()

@@ -54,10 +54,9 @@ CASE(the_frequency_response_is_that_of_the_bilinear_transform) {
         phasor found[4] = {{0, 0}}; /* value, rate, acceleration, jerk */
         for (int n = 0; n < SETTLING + PERIOD; n++) {
             const wide angle = 2 * PI * (line * n % PERIOD) / PERIOD;
-            axt_filter_step(&filter, &state, (axt_real)cosl(angle));
+            const axt_filtered out = axt_filter_step(&filter, &state, (axt_real)cosl(angle));
             if (n >= SETTLING) {
-                const axt_real signals[] = {state.value, state.rate, state.acceleration,
-                                            state.jerk};
+                const axt_real signals[] = {out.value, out.rate, out.acceleration, out.jerk};
                 for (size_t k = 0; k < COUNT_OF(found); k++) {
                     found[k].real += (wide)signals[k] * cosl(angle) * 2 / PERIOD;
                     found[k].imaginary -= (wide)signals[k] * sinl(angle) * 2 / PERIOD;
@@ -85,7 +84,8 @@ CASE(a_constant_passes_unchanged_from_the_first_sample_on) {
     axt_filter_start(&state, (axt_real)0.3);
     const axt_filter_state before = state;
     for (int n = 0; n < 1000; n++) {
-        axt_filter_step(&filter, &state, (axt_real)0.3);
+        const axt_filtered out = axt_filter_step(&filter, &state, (axt_real)0.3);
+        CHECK_NEAR(out.value - (axt_real)0.3, 0, 0);
     }
     CHECK(UNCHANGED(state, before));
 }
@@ -94,13 +94,14 @@ CASE(the_gain_at_zero_frequency_is_one) {
     const axt_filter filter = filter_at(0.2);
     axt_filter_state state;
     axt_filter_start(&state, -1);
+    axt_filtered out = {0};
     for (int n = 0; n < 2000; n++) {
-        axt_filter_step(&filter, &state, (axt_real)0.3);
+        out = axt_filter_step(&filter, &state, (axt_real)0.3);
     }
     const double w = (double)filter.w;
-    CHECK_NEAR(state.value, 0.3, 8 * REAL_EPSILON);
-    CHECK_NEAR((double)state.rate / w, 0, 64 * REAL_EPSILON);
-    CHECK_NEAR((double)state.acceleration / (w * w), 0, 64 * REAL_EPSILON);
+    CHECK_NEAR(out.value, 0.3, 8 * REAL_EPSILON);
+    CHECK_NEAR((double)out.rate / w, 0, 64 * REAL_EPSILON);
+    CHECK_NEAR((double)out.acceleration / (w * w), 0, 64 * REAL_EPSILON);
 }
 
 CASE(a_shifted_channel_is_the_channel_of_the_shifted_signal) {
@@ -111,19 +112,21 @@ CASE(a_shifted_channel_is_the_channel_of_the_shifted_signal) {
     axt_filter_state plain;
     axt_filter_start(&plain, 0);
     axt_filter_start(&shifted, 0);
+    axt_filtered a = {0};
+    axt_filtered b = {0};
     for (int n = 0; n < 1000; n++) {
         if (n == 500) {
             axt_filter_shift(&shifted, shift);
         }
         const axt_real input = uniform(&seed, -1, 1);
-        axt_filter_step(&filter, &plain, input);
-        axt_filter_step(&filter, &shifted, (n < 500) ? input : input + shift);
+        a = axt_filter_step(&filter, &plain, input);
+        b = axt_filter_step(&filter, &shifted, (n < 500) ? input : input + shift);
     }
     const double w = (double)filter.w;
-    CHECK_NEAR(shifted.value - (plain.value + shift), 0, 16 * REAL_EPSILON);
-    CHECK_NEAR((double)(shifted.rate - plain.rate) / w, 0, 16 * REAL_EPSILON);
-    CHECK_NEAR((double)(shifted.acceleration - plain.acceleration) / (w * w), 0, 16 * REAL_EPSILON);
-    CHECK_NEAR((double)(shifted.jerk - plain.jerk) / (w * w * w), 0, 64 * REAL_EPSILON);
+    CHECK_NEAR(b.value - (a.value + shift), 0, 16 * REAL_EPSILON);
+    CHECK_NEAR((double)(b.rate - a.rate) / w, 0, 16 * REAL_EPSILON);
+    CHECK_NEAR((double)(b.acceleration - a.acceleration) / (w * w), 0, 16 * REAL_EPSILON);
+    CHECK_NEAR((double)(b.jerk - a.jerk) / (w * w * w), 0, 64 * REAL_EPSILON);
 }
 
 /* F(s) = 1 - 2 s/w + 2 s^2/w^2 - ..., and the trapezoidal rule integrates straight lines exactly:
@@ -136,15 +139,15 @@ CASE(a_parabola_comes_out_with_its_exact_rate_and_acceleration) {
     axt_filter_start(&state, 0);
     for (int n = 0; n < SAMPLES; n++) {
         const wide t = n * (wide)time_step;
-        axt_filter_step(&filter, &state, (axt_real)(t * t / 2));
+        const axt_filtered out = axt_filter_step(&filter, &state, (axt_real)(t * t / 2));
         if (n > SAMPLES / 2) {
             const wide span = SAMPLES * (wide)time_step;
             const double rounding = 4 * REAL_EPSILON * (double)(span * span * w * w);
-            CHECK_NEAR((wide)state.value / (t * t / 2 - 2 * t / w + 2 / (w * w)), 1,
+            CHECK_NEAR((wide)out.value / (t * t / 2 - 2 * t / w + 2 / (w * w)), 1,
                        16 * REAL_EPSILON);
-            CHECK_NEAR(((wide)state.rate - (t - 2 / w)) * w, 0, rounding);
-            CHECK_NEAR(state.acceleration, 1, rounding);
-            CHECK_NEAR((wide)state.jerk / w, 0, rounding);
+            CHECK_NEAR(((wide)out.rate - (t - 2 / w)) * w, 0, rounding);
+            CHECK_NEAR(out.acceleration, 1, rounding);
+            CHECK_NEAR((wide)out.jerk / w, 0, rounding);
         }
     }
 }
@@ -156,12 +159,12 @@ CASE(a_ramp_comes_out_with_its_exact_rate) {
     axt_filter_start(&state, 0);
     for (int n = 0; n < 400; n++) {
         const wide t = n * (wide)time_step;
-        axt_filter_step(&filter, &state, (axt_real)t);
+        const axt_filtered out = axt_filter_step(&filter, &state, (axt_real)t);
         if (n > 200) {
             const double rounding = 4 * REAL_EPSILON * 400 * 0.5;
-            CHECK_NEAR((wide)state.value / (t - 2 / w), 1, 16 * REAL_EPSILON);
-            CHECK_NEAR(state.rate, 1, rounding);
-            CHECK_NEAR((wide)state.acceleration / w, 0, rounding);
+            CHECK_NEAR((wide)out.value / (t - 2 / w), 1, 16 * REAL_EPSILON);
+            CHECK_NEAR(out.rate, 1, rounding);
+            CHECK_NEAR((wide)out.acceleration / w, 0, rounding);
         }
     }
 }
@@ -185,11 +188,11 @@ CASE(filtered_samples_of_the_plant_obey_its_equation_of_motion) {
         CHECK_EQUAL(axt_plant_step(&plant, sample), AXT_OK);
         axt_motion motion;
         axt_plant_read(&plant, &motion);
-        axt_filter_step(&filter, &twist, motion.twist);
-        axt_filter_step(&filter, &torque, sample);
-        const wide drive = (wide)torque.value / (wide)axt_axis_paper.I1;
-        const wide residual = (wide)twist.acceleration + damping * (wide)twist.rate +
-                              stiffness * (wide)twist.value - drive;
+        const axt_filtered q = axt_filter_step(&filter, &twist, motion.twist);
+        const axt_filtered t = axt_filter_step(&filter, &torque, sample);
+        const wide drive = (wide)t.value / (wide)axt_axis_paper.I1;
+        const wide residual =
+            (wide)q.acceleration + damping * (wide)q.rate + stiffness * (wide)q.value - drive;
         CHECK_NEAR(residual * (wide)axt_axis_paper.I1, 0, 256 * REAL_EPSILON);
     }
 }

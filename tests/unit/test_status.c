@@ -4,8 +4,9 @@
 #include "check.h"
 #include "reference.h"
 
-static const axt_status statuses[] = {AXT_OK, AXT_ERROR_RANGE, AXT_ERROR_NOT_FINITE, AXT_ERROR_SIZE,
-                                      AXT_ERROR_NO_DATA};
+static const axt_status statuses[] = {AXT_OK,         AXT_ERROR_RANGE,   AXT_ERROR_NOT_FINITE,
+                                      AXT_ERROR_SIZE, AXT_ERROR_NO_DATA, AXT_ERROR_REPEATED,
+                                      AXT_ERROR_JUMP};
 
 CASE(fine_is_zero_and_errors_are_negative) {
     CHECK_EQUAL(AXT_OK, 0);
@@ -27,7 +28,7 @@ CASE(each_status_has_a_line_of_its_own) {
 }
 
 CASE(any_other_number_is_an_unknown_status) {
-    const int others[] = {1, -5, 1000, -1000};
+    const int others[] = {1, -7, 1000, -1000};
     for (size_t i = 0; i < COUNT_OF(others); i++) {
         CHECK(strcmp(axt_status_string((axt_status)others[i]), "unknown status") == 0);
     }
