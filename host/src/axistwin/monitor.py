@@ -35,7 +35,8 @@ class _Counted:
             if counter != self._odd:  # one that is odd is damaged, two are a new beginning
                 self._odd = (counter + self.samples) % WRAP
                 return 0
-            ahead, first = 0, counter
+            self.next = counter + self.samples
+            return 2 * self.samples
         if ahead >= 0:
             self.missing.update(range(self.next, self.next + ahead))
             self.next = first + self.samples
