@@ -62,6 +62,8 @@ static axt_status start_node(const axt_emulator_options *options, axt_emulated_a
         .counts_per_turn = {options->counts_per_turn[0], options->counts_per_turn[1]},
         .expected = options->expected,
         .forgetting = options->forgetting,
+        .limits = options->limits,
+        .host_timeout = options->host_timeout,
         .excitation = options->excitation,
         .excited = options->excited,
         .streaming = options->streaming,

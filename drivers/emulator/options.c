@@ -31,6 +31,10 @@ static const char usage[] =
     "  --stream-rate HZ      of the live stream (default: 1000)\n"
     "  --counts MOTOR[,TABLE]  encoder counts a turn (default: 1048576)\n"
     "  --rated-torque NM     what 1000 per mille of torque means (default: 0.64)\n"
+    "  --limits NM,RPM[,MIN,MAX]  torque, speed and travel of the motor, travel in turns; a host\n"
+    "                        can set closer ones (default: what the wire can say, 6000, none)\n"
+    "  --watchdog MS         longest time without a host's heartbeat while it has the drive\n"
+    "                        enabled, 1 to 65535 (default: 400)\n"
     "  --trace-size N        samples that the trace can hold (default: 32768)\n"
     "  --expected I1,I2,B,K  what the estimator expects, within a factor of 10\n"
     "                        (default: 5e-5,5e-6,1e-3,200)\n"
@@ -45,7 +49,9 @@ static const char usage[] =
     "  --excitation LENGTH,LINES[,RMS[,SEED]]  samples a period, harmonics from 1 on, N m,\n"
     "                        0 for Schroeder's phases or the seed of random ones\n"
     "                        (default: 2048 samples, up to twice the resonance, 0.2 N m, 0)\n"
-    "  --excite              excitation on from the start\n"
+    "  --excite              operation enabled and excitation on from the start: no host is "
+    "needed\n"
+    "                        for that, and none watched until one takes over\n"
     "  --stream              live stream on from the start\n"
     "time\n"
     "  --simulated           as fast as it goes; the stream loses nothing: time waits for it\n"
@@ -70,6 +76,8 @@ enum {
     STREAM_RATE,
     COUNTS,
     RATED_TORQUE,
+    LIMITS,
+    WATCHDOG,
     TRACE_SIZE,
     EXPECTED,
     FORGETTING,
@@ -98,6 +106,8 @@ static const struct option long_options[] = {
     {"stream-rate", required_argument, NULL, STREAM_RATE},
     {"counts", required_argument, NULL, COUNTS},
     {"rated-torque", required_argument, NULL, RATED_TORQUE},
+    {"limits", required_argument, NULL, LIMITS},
+    {"watchdog", required_argument, NULL, WATCHDOG},
     {"trace-size", required_argument, NULL, TRACE_SIZE},
     {"expected", required_argument, NULL, EXPECTED},
     {"forgetting", required_argument, NULL, FORGETTING},
@@ -218,6 +228,32 @@ static bool read_bit_rates(const char *option, const char *text, axt_can_bit_rat
     return true;
 }
 
+/* What depends on other options, and is worked out when all are known. */
+typedef struct {
+    double stream_rate; /* [Hz] */
+    double wake_rate;   /* [Hz] */
+    double torque;      /* limits: [N m], */
+    double speed;       /* [1/min], */
+    double travel[2];   /* [turns] */
+} derived_options;
+
+static bool read_limits(const char *option, const char *text, derived_options *derived) {
+    double n[NUMBERS_MAX];
+    const unsigned count = read_numbers(text, n);
+    if ((count != 2 && count != 4) || n[0] < 0 || n[1] < 1 || n[1] > 1e6 ||
+        (count == 4 && n[2] > n[3])) {
+        return complain(option, "NM,RPM[,MIN,MAX]: a torque of 0 or more, a speed from 1 to 1e6, "
+                                "and two positions in turns");
+    }
+    derived->torque = n[0];
+    derived->speed = n[1];
+    if (count == 4) {
+        derived->travel[0] = n[2];
+        derived->travel[1] = n[3];
+    }
+    return true;
+}
+
 static bool read_excitation(const char *option, const char *text, axt_schroeder *excitation) {
     double numbers[NUMBERS_MAX];
     const unsigned count = read_numbers(text, numbers);
@@ -240,8 +276,7 @@ static bool read_excitation(const char *option, const char *text, axt_schroeder 
     return true;
 }
 
-static bool read_one(int option, axt_emulator_options *options, double *stream_rate,
-                     double *wake_rate) {
+static bool read_one(int option, axt_emulator_options *options, derived_options *derived) {
     const char *text = optarg;
     double number = 0;
     uint32_t integer = 0;
@@ -275,7 +310,7 @@ static bool read_one(int option, axt_emulator_options *options, double *stream_r
         fine = read_number("period", text, 1e-6, 1, &options->period);
         break;
     case STREAM_RATE:
-        fine = read_number("stream-rate", text, 1e-3, 1e6, stream_rate);
+        fine = read_number("stream-rate", text, 1e-3, 1e6, &derived->stream_rate);
         break;
     case COUNTS:
         fine = read_counts("counts", text, options->counts_per_turn);
@@ -283,6 +318,13 @@ static bool read_one(int option, axt_emulator_options *options, double *stream_r
     case RATED_TORQUE:
         fine = read_number("rated-torque", text, 1e-3, 1e6, &number);
         options->rated_torque = (uint32_t)lround(number * 1e3);
+        break;
+    case LIMITS:
+        fine = read_limits("limits", text, derived);
+        break;
+    case WATCHDOG:
+        fine = read_integer("watchdog", text, 1, UINT16_MAX, &integer);
+        options->host_timeout = (uint16_t)integer;
         break;
     case TRACE_SIZE:
         fine = read_integer("trace-size", text, 1, AXT_NODE_TRACE_MAX, &options->trace_size);
@@ -316,7 +358,7 @@ static bool read_one(int option, axt_emulator_options *options, double *stream_r
         fine = read_number("duration", text, 1e-6, 1e9, &options->duration);
         break;
     case WAKE:
-        fine = read_number("wake", text, 1, 1e6, wake_rate);
+        fine = read_number("wake", text, 1, 1e6, &derived->wake_rate);
         break;
     case JITTER:
         options->jitter = text;
@@ -349,10 +391,27 @@ static uint32_t lines_for(const axt_emulator_options *options) {
     return (lines >= 1.0) ? (uint32_t)lines : 1;
 }
 
-static void derive(axt_emulator_options *options, double stream_rate, double wake_rate) {
-    const double decimation = round(1.0 / (options->period * stream_rate));
+/* Counts of the motor encoder at a position, as far as 32 bits go. */
+static int32_t counts_at(const axt_emulator_options *options, double turns) {
+    const double counts = round(turns * (double)options->counts_per_turn[AXT_ENCODER_MOTOR]);
+    return (int32_t)fmin(fmax(counts, (double)INT32_MIN), (double)INT32_MAX);
+}
+
+static axt_limits limits_of(const axt_emulator_options *options, const derived_options *derived) {
+    const double per_mille = derived->torque * 1e6 / (double)options->rated_torque;
+    return (axt_limits){
+        .torque = (uint16_t)fmin(round(10.0 * per_mille), (double)INT16_MAX),
+        .speed = (uint32_t)derived->speed,
+        .travel_min = counts_at(options, derived->travel[0]),
+        .travel_max = counts_at(options, derived->travel[1]),
+    };
+}
+
+static void derive(axt_emulator_options *options, const derived_options *derived) {
+    const double decimation = round(1.0 / (options->period * derived->stream_rate));
     options->stream_decimation = (decimation >= 1.0) ? (uint32_t)decimation : 1;
-    options->wake = fmax(1.0 / wake_rate, options->period);
+    options->wake = fmax(1.0 / derived->wake_rate, options->period);
+    options->limits = limits_of(options, derived);
     if (options->excitation.lines == 0) {
         options->excitation.lines = lines_for(options);
     }
@@ -364,8 +423,11 @@ static void derive(axt_emulator_options *options, double stream_rate, double wak
 }
 
 axt_emulator_todo axt_emulator_read_options(int argc, char **argv, axt_emulator_options *options) {
-    double stream_rate = 1000;
-    double wake_rate = 1000;
+    derived_options derived = {.stream_rate = 1000,
+                               .wake_rate = 1000,
+                               .torque = HUGE_VAL,
+                               .speed = 6000,
+                               .travel = {-HUGE_VAL, HUGE_VAL}};
     *options = (axt_emulator_options){
         .bus = "pty",
         .bit_rates = {.nominal = UINT32_MAX /* not given */, .data = 5000000},
@@ -377,6 +439,7 @@ axt_emulator_todo axt_emulator_read_options(int argc, char **argv, axt_emulator_
         .forgetting = (axt_real)(1.0 - 1.0 / 20000),
         .counts_per_turn = {1048576, 1048576},
         .rated_torque = 640,
+        .host_timeout = 400,
         .excitation = {.length = 2048, .first = 1, .stride = 1, .rms = (axt_real)0.2},
         .trace_size = AXT_NODE_TRACE_MAX,
     };
@@ -395,7 +458,7 @@ axt_emulator_todo axt_emulator_read_options(int argc, char **argv, axt_emulator_
                          (unsigned)(AXT_NODE_FIRMWARE & 0xFF));
             return AXT_EMULATOR_EXIT;
         }
-        if (!read_one(option, options, &stream_rate, &wake_rate)) {
+        if (!read_one(option, options, &derived)) {
             return AXT_EMULATOR_MISUSE;
         }
     }
@@ -404,6 +467,6 @@ axt_emulator_todo axt_emulator_read_options(int argc, char **argv, axt_emulator_
                       argv[optind]);
         return AXT_EMULATOR_MISUSE;
     }
-    derive(options, stream_rate, wake_rate);
+    derive(options, &derived);
     return AXT_EMULATOR_RUN;
 }

@@ -8,6 +8,7 @@
 #include "axt_axis.h"
 #include "axt_can_pace.h"
 #include "axt_excitation.h"
+#include "axt_guard.h"
 #include "effects.h"
 
 enum { AXT_EMULATOR_MODBUS_MAX = 4 }; /* servers */
@@ -27,6 +28,8 @@ typedef struct {
     axt_real forgetting;
     uint32_t counts_per_turn[2]; /* motor, table */
     uint32_t rated_torque;       /* [mN m] */
+    axt_limits limits;
+    uint16_t host_timeout; /* [ms] */
     axt_schroeder excitation;
     bool excited;
     bool streaming;

@@ -8,9 +8,13 @@
  * long, in bounded pieces. The tick may interrupt the background anywhere, or run on another core.
  * What they share has one writer each and is handed over with acquire and release:
  *
- *     tick -> background   ring of streamed samples, trace buffer, counters
- *     background -> tick   one order at a time, taken at the start of the next tick; a copy of the
- *                          estimator comes back as the answer to an order
+ *     tick -> background   status, ring of streamed samples, trace, counters
+ *     background -> tick   the host's heartbeats, counted, and one order at a time, taken at the
+ *                          start of the next tick; a copy of the estimator comes back as the answer
+ *                          to an order
+ *
+ * The drive is CiA 402's state machine, and the tick is where it lives: torque acts in operation
+ * enabled alone, within limits that are checked at every sample, and only while a host is heard.
  *
  * At control period n the torque T[n] is applied and then the encoders are read: (n, T[n],
  * positions[n]) is the sample that is learned from, streamed and traced. Torque is quantised to the
@@ -24,11 +28,15 @@
 
 #include "axt_axis.h"
 #include "axt_can.h"
+#include "axt_cia402.h"
+#include "axt_contract.h"
 #include "axt_encoder.h"
 #include "axt_excitation.h"
+#include "axt_guard.h"
 #include "axt_history.h"
 #include "axt_ident.h"
 #include "axt_status.h"
+#include "axt_trace.h"
 
 #define AXT_NODE_FIRMWARE UINT32_C(0x00000100) /* 0.1.0 as 0x00MMmmpp */
 
@@ -37,41 +45,45 @@ enum {
     AXT_NODE_TRACE_MAX = 32768 /* samples that the wire's 15-bit index can number */
 };
 
-/* CiA 402 status word (0x6041): remote, voltage enabled, no quick stop, and the state. */
+/* Bits of CiA 402's status word (0x6041) beside the state. */
 enum {
-    AXT_NODE_SWITCHED_ON = 0x0233,       /* torque 0 */
-    AXT_NODE_OPERATION_ENABLED = 0x0237, /* the excitation runs */
-    AXT_NODE_LIMIT_ACTIVE = 0x0800       /* bit 11: the torque is limited at this sample */
+    AXT_NODE_VOLTAGE_ENABLED = 0x0010, /* always: the emulated axis has no mains to lose */
+    AXT_NODE_EXCITED = 0x0100,         /* the excitation plays */
+    AXT_NODE_REMOTE = 0x0200,          /* a host has the drive under its control */
+    AXT_NODE_LIMITED = 0x0800          /* the torque is limited at this sample */
 };
 
-/* Sequence of report page 255: how a command ended. */
+/* How a command or a control word ended. */
 typedef enum {
-    AXT_NODE_DONE = 0,
-    AXT_NODE_UNKNOWN_COMMAND = 1,
-    AXT_NODE_OUT_OF_RANGE = 2,
-    AXT_NODE_NOT_NOW = 3,
-    AXT_NODE_NO_ROOM = 4
+    AXT_NODE_DONE = AXT_CONTRACT_RESULT_DONE,
+    AXT_NODE_UNKNOWN_COMMAND = AXT_CONTRACT_RESULT_UNKNOWN_COMMAND,
+    AXT_NODE_OUT_OF_RANGE = AXT_CONTRACT_RESULT_OUT_OF_RANGE,
+    AXT_NODE_NOT_NOW = AXT_CONTRACT_RESULT_NOT_NOW,
+    AXT_NODE_NO_ROOM = AXT_CONTRACT_RESULT_NO_ROOM,
+    AXT_NODE_NOT_ENABLED = AXT_CONTRACT_RESULT_NOT_ENABLED,
+    AXT_NODE_NOT_WHILE_ENABLED = AXT_CONTRACT_RESULT_NOT_WHILE_ENABLED,
+    AXT_NODE_NO_TRANSITION = AXT_CONTRACT_RESULT_NO_TRANSITION,
+    AXT_NODE_NO_HOST_HEARTBEAT = AXT_CONTRACT_RESULT_NO_HOST_HEARTBEAT,
+    AXT_NODE_NO_FD = AXT_CONTRACT_RESULT_NO_FD
 } axt_node_result;
 
 /* Flags of report page 8. */
 typedef enum {
-    AXT_NODE_TRACE_IDLE = 0,
-    AXT_NODE_TRACE_CAPTURING = 1, /* until the checksum is known, too */
-    AXT_NODE_TRACE_READY = 2,
-    AXT_NODE_TRACE_UPLOADING = 3
+    AXT_NODE_TRACE_IDLE = AXT_CONTRACT_TRACE_STATE_IDLE,
+    AXT_NODE_TRACE_CAPTURING = AXT_CONTRACT_TRACE_STATE_CAPTURING, /* until the checksum is known */
+    AXT_NODE_TRACE_READY = AXT_CONTRACT_TRACE_STATE_READY,
+    AXT_NODE_TRACE_UPLOADING = AXT_CONTRACT_TRACE_STATE_UPLOADING,
+    AXT_NODE_TRACE_ARMED = AXT_CONTRACT_TRACE_STATE_ARMED /* waiting for the trigger */
 } axt_node_trace_state;
 
-/* What happened at one control period. */
-typedef struct {
-    int32_t position[2]; /* motor and table encoder [counts] */
-    int16_t torque;      /* [0.1 per mille of rated] */
-    uint16_t status_word;
-} axt_node_sample;
-
+/* A sample on its way to the bus, alone or as one of a group that goes in one frame. */
 typedef struct {
     axt_node_sample sample;
     uint16_t counter; /* control periods / decimation, modulo 65536 */
+    uint16_t group;   /* samples of its frame: 1, or AXT_NODE_GROUP_FD for all of a group */
 } axt_node_stream_sample;
+
+enum { AXT_NODE_GROUP_FD = 6 };
 
 enum { AXT_NODE_FILTERS = 2 };
 
@@ -96,21 +108,25 @@ typedef struct {
     axt_axis expected;           /* see axt_ident_config */
     axt_real forgetting;         /* likewise */
     axt_schroeder excitation;    /* settings until a host changes them */
-    bool excited;                /* excitation on from the start */
-    bool streaming;              /* live stream on from the start */
-    axt_real *table;             /* for one period of the excitation */
-    uint32_t table_size;         /* 4 or more */
+    axt_limits limits;           /* what the axis stands; a host may set less */
+    uint16_t host_timeout;       /* longest time to go on without its heartbeat, 1 or more [ms] */
+    bool excited;        /* operation enabled and excitation on from the start, by no host */
+    bool streaming;      /* live stream on from the start */
+    axt_real *table;     /* for one period of the excitation */
+    uint32_t table_size; /* 4 or more */
     axt_node_sample *trace;
     uint32_t trace_size;          /* 1 .. AXT_NODE_TRACE_MAX */
     axt_node_stream_sample *ring; /* streamed samples on their way to the bus */
-    uint32_t ring_size;           /* a power of two, 2 or more */
+    uint32_t ring_size;           /* a power of two, 2 or more; 8 or more to stream on CAN FD */
 } axt_node_config;
 
 /* What the background asks of the tick. */
 typedef enum {
-    AXT_NODE_ORDER_STREAM,   /* argument: decimation, 0 stops */
+    AXT_NODE_ORDER_CONTROL,  /* argument: Control frame; leaves how it ended in order_result */
+    AXT_NODE_ORDER_STREAM,   /* argument: decimation, 0 stops; see stream_group */
     AXT_NODE_ORDER_TORQUE,   /* argument: samples of the table to play, 0 stops */
-    AXT_NODE_ORDER_TRACE,    /* argument: samples to capture, 0 stops */
+    AXT_NODE_ORDER_TRACE,    /* argument: 0 stops, else see trace_settings */
+    AXT_NODE_ORDER_LIMITS,   /* see limits and host_timeout */
     AXT_NODE_ORDER_RESET,    /* of the estimator */
     AXT_NODE_ORDER_ESTIMATE, /* copy the estimator for the background */
 } axt_node_order;
@@ -130,37 +146,63 @@ typedef struct {
 
     /* written by the tick */
     uint64_t n; /* control periods since the start */
-    bool operating;
+    axt_cia402_state state;
+    uint16_t control_word; /* the last one */
+    uint16_t error_code;   /* of the fault, 0: none */
+    int32_t error_cause;   /* see Emergency of the contract */
+    bool remote;           /* a host has the drive under its control */
+    bool excited;          /* the excitation plays */
+    int16_t target_torque; /* set-point [0.1 per mille of rated] */
+    axt_guard guard;
     axt_player player;
     axt_ident ident;
-    uint32_t decimation; /* 0: not streaming */
-    uint32_t until_next; /* control periods until the next streamed sample */
+    uint32_t heartbeats_seen;
+    uint32_t patience_max; /* control periods to go on without a heartbeat, and ... */
+    uint32_t patience;     /* ... how many of these are left */
+    uint32_t decimation;   /* 0: not streaming */
+    uint32_t until_next;   /* control periods until the next streamed sample */
     uint16_t counter;
-    axt_history history; /* may be read from any context */
-    uint32_t trace_wanted;
+    uint16_t group;   /* samples that go in one frame, and ... */
+    uint16_t grouped; /* ... how many are in the ring ahead of its head, or ... */
+    uint16_t skipped; /* ... how many are left of a group that found no room */
+    axt_trace trace;
+    axt_history history;  /* may be read from any context */
     axt_ident ident_copy; /* read by the background once its order is taken */
+    axt_node_result order_result;
     _Atomic uint32_t now; /* n modulo 2^32 */
     _Atomic uint32_t ring_head;
-    _Atomic uint32_t trace_captured;
+    _Atomic uint32_t captured; /* samples of the trace; top bit: it has been triggered */
+    _Atomic uint32_t status;   /* status word and error code */
     _Atomic uint32_t order_taken;
     _Atomic uint32_t lost;     /* streamed samples that found the ring full */
     _Atomic uint32_t rejected; /* samples the estimator refused */
+    _Atomic uint32_t limited;  /* samples with limited torque */
+    _Atomic uint32_t faults;
     _Atomic uint32_t overruns;
 
     /* written by the background */
     _Atomic uint32_t ring_tail;
+    _Atomic uint32_t heartbeats; /* of the host, counted */
     _Atomic uint32_t order_given;
     axt_node_order order;
     uint32_t order_argument;
     bool estimate_ordered;
+    bool control_ordered;     /* a Control frame, and how it ended is not known yet */
+    uint32_t control;         /* that frame, packed */
+    uint32_t reported;        /* status that the bus knows of */
+    axt_limits limits;        /* as set by commands */
+    uint16_t host_timeout;    /* likewise [ms] */
+    uint8_t host_id;          /* likewise: the node id whose heartbeat is listened to */
     axt_schroeder excitation; /* as set by commands */
     axt_schroeder filling;    /* as being filled in */
     axt_node_excitation_state excitation_state;
     uint32_t excitation_line; /* the next one to fill in */
     uint32_t stream_decimation;
+    uint16_t stream_group;
+    axt_trace_settings trigger;        /* as set by commands */
+    axt_trace_settings trace_settings; /* of the trace that is there, or being captured */
     axt_node_trace_state trace_state;
     uint32_t trace_order;   /* the order that began the capture */
-    uint32_t trace_length;  /* samples asked for */
     uint32_t trace_checked; /* samples in the checksum so far */
     uint32_t trace_checksum;
     uint32_t upload_frame; /* the next one: 2 x index + channel */
@@ -172,8 +214,14 @@ typedef struct {
     uint16_t state_sequence;
     uint16_t estimate_sequence;
     axt_estimate estimate;
+    uint32_t refused;  /* commands and control words */
+    uint32_t bus_offs; /* of the bus' health, as far as reported */
     bool answer_due;
+    bool refusal_due;
+    bool emergency_due;
     axt_can_frame answer;
+    axt_can_frame refusal;
+    axt_can_frame emergency;
     uint32_t heartbeat_time; /* when the next of each is due */
     uint32_t estimate_time;
     uint32_t state_time;
@@ -183,11 +231,12 @@ typedef struct {
  */
 axt_status axt_node_init(axt_node *node, const axt_node_config *config, const axt_node_port *port);
 
-/* The control interrupt. Cost: apply_torque, read_encoders, one axt_ident_counts() and about 50
+/* The control interrupt. Cost: apply_torque, read_encoders, one axt_ident_counts() and about 120
  * operations; copying the estimator five times a second adds one copy of an axt_ident. */
 void axt_node_tick(axt_node *node);
 
-/* Some of the work outside the interrupt; call it again and again, at least every 10 ms. One call
+/* Some of the work outside the interrupt; call it again and again, at least every 10 ms: the host's
+ * heartbeat is noticed here. One call
  * sends and receives a few dozen frames at most, and fills in one line of the excitation: as many
  * cosines as the period has samples. AXT_CAN_OK, or what a bus that has failed answered; the node
  * goes on, and so may the caller. */

@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "axt_node_shared.h"
+
 enum { ARGUMENT = 4, ARGUMENT_SIZE = 4 }; /* bytes of a command's argument and a report's value */
 
 static void address(const axt_node *node, uint32_t base, uint8_t length, axt_can_frame *frame) {
@@ -30,8 +32,33 @@ void axt_node_frame_table(const axt_node *node, const axt_node_stream_sample *sa
     (void)axt_contract_table_pack(frame->data, &table, sizeof frame->data);
 }
 
+void axt_node_frame_samples(const axt_node *node, uint32_t tail, axt_can_frame *frame) {
+    const uint32_t mask = node->config.ring_size - 1;
+    const axt_node_stream_sample *ring = node->config.ring;
+    struct axt_contract_samples_t samples = {.counter = ring[tail & mask].counter};
+#define PUT(i)                                                                                     \
+    do {                                                                                           \
+        const axt_node_sample *sample = &ring[(tail + (i)) & mask].sample;                         \
+        samples.motor_position##i = sample->position[AXT_ENCODER_MOTOR];                           \
+        samples.table_position##i = sample->position[AXT_ENCODER_TABLE];                           \
+        samples.torque##i = sample->torque;                                                        \
+        samples.status_word =                                                                      \
+            (uint16_t)(sample->status_word | (samples.status_word & AXT_NODE_LIMITED));            \
+    } while (0)
+    PUT(0);
+    PUT(1);
+    PUT(2);
+    PUT(3);
+    PUT(4);
+    PUT(5);
+#undef PUT
+    address(node, AXT_CONTRACT_SAMPLES_FRAME_ID, AXT_CONTRACT_SAMPLES_LENGTH, frame);
+    frame->fd = true;
+    (void)axt_contract_samples_pack(frame->data, &samples, sizeof frame->data);
+}
+
 void axt_node_frame_trace(const axt_node *node, uint32_t number, axt_can_frame *frame) {
-    const axt_node_sample *sample = &node->config.trace[number / 2];
+    const axt_node_sample *sample = axt_trace_sample(&node->trace, number / 2);
     const struct axt_contract_trace_t trace = {
         .channel = (uint8_t)(number % 2),
         .index = (uint16_t)(number / 2),
@@ -50,14 +77,127 @@ void axt_node_frame_heartbeat(const axt_node *node, uint8_t state, axt_can_frame
     (void)axt_contract_heartbeat_pack(frame->data, &heartbeat, sizeof frame->data);
 }
 
-static uint32_t counter(const _Atomic uint32_t *value) {
-    return atomic_load_explicit(value, memory_order_relaxed);
+/* CiA 301 0x1001. */
+static uint8_t error_register(uint16_t error_code) {
+    enum { GENERIC = 0x01, COMMUNICATION = 0x10, PROFILE = 0x20 };
+    if (error_code == 0) {
+        return 0;
+    }
+    return (uint8_t)(GENERIC | ((error_code >> 8 == 0x81) ? COMMUNICATION : PROFILE));
 }
 
-/* Pages 0 to 18: what the node is, and what it has counted. */
-static void state_page(const axt_node *node, struct axt_contract_report_t *report) {
+void axt_node_frame_emergency(const axt_node *node, uint16_t error_code, int32_t cause,
+                              axt_can_frame *frame) {
+    const struct axt_contract_emergency_t emergency = {
+        .error_code = error_code,
+        .error_register = error_register(axt_node_error_code(axt_node_other(&node->status))),
+        .cause = cause,
+    };
+    address(node, AXT_CONTRACT_EMERGENCY_FRAME_ID, AXT_CONTRACT_EMERGENCY_LENGTH, frame);
+    (void)axt_contract_emergency_pack(frame->data, &emergency, sizeof frame->data);
+}
+
+/* Pages 8 to 12. */
+static void trace_page(const axt_node *node, struct axt_contract_report_t *report) {
+    const bool complete = axt_node_trace_complete(node);
+    switch (report->page) {
+    case AXT_CONTRACT_REPORT_PAGE_TRACE_CAPTURED_CHOICE:
+        report->flags = (uint8_t)node->trace_state;
+        report->trace_captured = axt_node_captured(node);
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_TRACE_CHECKSUM_CHOICE:
+        report->trace_checksum = complete ? node->trace_checksum : 0;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_TRACE_TRIGGERED_CHOICE:
+        report->trace_triggered = complete ? node->trace.before : 0;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_TRACE_DECIMATION_CHOICE:
+        report->trace_decimation = node->trace_settings.decimation;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_TRACE_START_CHOICE:
+        report->trace_start = complete ? node->trace.start : 0;
+        break;
+    default:
+        break;
+    }
+}
+
+/* Pages 14 to 31: how it stands, and what has been counted. */
+static void counter_page(const axt_node *node, struct axt_contract_report_t *report) {
+    const axt_can_health *health = &node->port.can->health;
+    const uint32_t status = axt_node_other(&node->status);
+    switch (report->page) {
+    case AXT_CONTRACT_REPORT_PAGE_STATUS_CHOICE:
+        report->status = axt_node_status_word(status);
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_ERROR_CHOICE:
+        report->error = axt_node_error_code(status);
+        report->flags = error_register(report->error);
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_OVERRUNS_CHOICE:
+        report->overruns = axt_node_other(&node->overruns);
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_LOST_SAMPLES_CHOICE:
+        report->lost_samples = axt_node_other(&node->lost);
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_REJECTED_SAMPLES_CHOICE:
+        report->rejected_samples = axt_node_other(&node->rejected);
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_PERIODS_CHOICE:
+        report->periods = axt_node_other(&node->now);
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_LIMITED_SAMPLES_CHOICE:
+        report->limited_samples = axt_node_other(&node->limited);
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_FAULTS_CHOICE:
+        report->faults = axt_node_other(&node->faults);
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_REFUSED_COMMANDS_CHOICE:
+        report->refused_commands = node->refused;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_LOST_FRAMES_CHOICE:
+        report->lost_frames = health->overflows;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_BUS_ERRORS_CHOICE:
+        report->bus_errors = health->error_frames;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_BUS_OFFS_CHOICE:
+        report->bus_offs = health->bus_off;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_BUS_OUTAGES_CHOICE:
+        report->bus_outages = health->outages;
+        break;
+    default:
+        break;
+    }
+}
+
+/* Pages 56 to 60. */
+static void limits_page(const axt_node *node, struct axt_contract_report_t *report) {
+    switch (report->page) {
+    case AXT_CONTRACT_REPORT_PAGE_TORQUE_LIMIT_CHOICE:
+        report->torque_limit = node->limits.torque;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_SPEED_LIMIT_CHOICE:
+        report->speed_limit = node->limits.speed;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_TRAVEL_MIN_CHOICE:
+        report->travel_min = node->limits.travel_min;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_TRAVEL_MAX_CHOICE:
+        report->travel_max = node->limits.travel_max;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_HOST_HEARTBEAT_CHOICE:
+        report->host_heartbeat = (uint32_t)node->host_id << 16 | node->host_timeout;
+        break;
+    default:
+        break;
+    }
+}
+
+/* Pages 0 to 7 and 13: what the node is. */
+static void identity_page(const axt_node *node, struct axt_contract_report_t *report) {
     const axt_node_config *config = &node->config;
-    report->sequence = node->state_sequence;
     switch (report->page) {
     case AXT_CONTRACT_REPORT_PAGE_CONTRACT_CHOICE:
         report->contract = AXT_CONTRACT_VERSION;
@@ -83,21 +223,8 @@ static void state_page(const axt_node *node, struct axt_contract_report_t *repor
     case AXT_CONTRACT_REPORT_PAGE_TRACE_CAPACITY_CHOICE:
         report->trace_capacity = config->trace_size;
         break;
-    case AXT_CONTRACT_REPORT_PAGE_TRACE_CAPTURED_CHOICE:
-        report->flags = (uint8_t)node->trace_state;
-        report->trace_captured = axt_node_captured(node);
-        break;
-    case AXT_CONTRACT_REPORT_PAGE_TRACE_CHECKSUM_CHOICE:
-        report->trace_checksum = axt_node_trace_complete(node) ? node->trace_checksum : 0;
-        break;
-    case AXT_CONTRACT_REPORT_PAGE_OVERRUNS_CHOICE:
-        report->overruns = counter(&node->overruns);
-        break;
-    case AXT_CONTRACT_REPORT_PAGE_LOST_SAMPLES_CHOICE:
-        report->lost_samples = counter(&node->lost);
-        break;
-    case AXT_CONTRACT_REPORT_PAGE_REJECTED_SAMPLES_CHOICE:
-        report->rejected_samples = counter(&node->rejected);
+    case AXT_CONTRACT_REPORT_PAGE_FEATURES_CHOICE:
+        report->features = node->port.can->fd ? 1 : 0;
         break;
     default:
         break;
@@ -167,12 +294,30 @@ static void estimate_page(const axt_node *node, struct axt_contract_report_t *re
 }
 
 void axt_node_frame_report(const axt_node *node, uint8_t page, axt_can_frame *frame) {
-    struct axt_contract_report_t report = {.page = page};
-    if ((AXT_NODE_PAGE(page) & AXT_NODE_PAGES_ESTIMATE) != 0) {
+    const uint64_t set = AXT_NODE_PAGE(page);
+    struct axt_contract_report_t report = {.page = page, .sequence = node->state_sequence};
+    if ((set & AXT_NODE_PAGES_ESTIMATE) != 0) {
         estimate_page(node, &report);
+    } else if ((set & AXT_NODE_PAGES_TRACE) != 0) {
+        trace_page(node, &report);
+    } else if ((set & AXT_NODE_PAGES_COUNTERS) != 0) {
+        counter_page(node, &report);
+    } else if ((set & AXT_NODE_PAGES_LIMITS) != 0) {
+        limits_page(node, &report);
     } else {
-        state_page(node, &report);
+        identity_page(node, &report);
     }
+    address(node, AXT_CONTRACT_REPORT_FRAME_ID, AXT_CONTRACT_REPORT_LENGTH, frame);
+    (void)axt_contract_report_pack(frame->data, &report, sizeof frame->data);
+}
+
+void axt_node_frame_refusal(const axt_node *node, uint32_t control, axt_node_result result,
+                            axt_can_frame *frame) {
+    const struct axt_contract_report_t report = {
+        .page = AXT_CONTRACT_REPORT_PAGE_CONTROL_REFUSED_CHOICE,
+        .sequence = (uint16_t)result,
+        .control_refused = control,
+    };
     address(node, AXT_CONTRACT_REPORT_FRAME_ID, AXT_CONTRACT_REPORT_LENGTH, frame);
     (void)axt_contract_report_pack(frame->data, &report, sizeof frame->data);
 }

@@ -9,11 +9,12 @@
 /* Report pages as a set: bit = page. */
 #define AXT_NODE_PAGE(page)      (UINT64_C(1) << (page))
 #define AXT_NODE_PAGE_DECIMATION AXT_NODE_PAGE(AXT_CONTRACT_REPORT_PAGE_STREAM_DECIMATION_CHOICE)
-#define AXT_NODE_PAGE_CAPTURED   AXT_NODE_PAGE(AXT_CONTRACT_REPORT_PAGE_TRACE_CAPTURED_CHOICE)
-#define AXT_NODE_PAGE_CHECKSUM   AXT_NODE_PAGE(AXT_CONTRACT_REPORT_PAGE_TRACE_CHECKSUM_CHOICE)
-#define AXT_NODE_PAGES_IDENTITY  UINT64_C(0x3FF)          /* 0 to 9 */
-#define AXT_NODE_PAGES_COUNTERS  UINT64_C(0x70000)        /* 16 to 18 */
-#define AXT_NODE_PAGES_ESTIMATE  UINT64_C(0x3FFF00000000) /* 32 to 45 */
+#define AXT_NODE_PAGES_IDENTITY  UINT64_C(0x3FFF)             /* 0 to 13 */
+#define AXT_NODE_PAGES_TRACE     UINT64_C(0x1F00)             /* 8 to 12 */
+#define AXT_NODE_PAGES_STATUS    UINT64_C(0xC000)             /* 14 and 15 */
+#define AXT_NODE_PAGES_COUNTERS  UINT64_C(0xFFFFC000)         /* 14 to 31 */
+#define AXT_NODE_PAGES_ESTIMATE  UINT64_C(0x3FFF00000000)     /* 32 to 45 */
+#define AXT_NODE_PAGES_LIMITS    UINT64_C(0x1F00000000000000) /* 56 to 60 */
 
 /* Live stream: motor and table half of a sample. */
 void axt_node_frame_motor(const axt_node *node, const axt_node_stream_sample *sample,
@@ -21,13 +22,23 @@ void axt_node_frame_motor(const axt_node *node, const axt_node_stream_sample *sa
 void axt_node_frame_table(const axt_node *node, const axt_node_stream_sample *sample,
                           axt_can_frame *frame);
 
+/* The six samples from place `tail` of the ring on, which belong together. */
+void axt_node_frame_samples(const axt_node *node, uint32_t tail, axt_can_frame *frame);
+
 /* Frame `number` of the captured trace: 2 x index + channel. */
 void axt_node_frame_trace(const axt_node *node, uint32_t number, axt_can_frame *frame);
 
 void axt_node_frame_heartbeat(const axt_node *node, uint8_t state, axt_can_frame *frame);
 
-/* Report page 0 to 45 with its present value. */
+void axt_node_frame_emergency(const axt_node *node, uint16_t error_code, int32_t cause,
+                              axt_can_frame *frame);
+
+/* Report page 0 to 60 with its present value. */
 void axt_node_frame_report(const axt_node *node, uint8_t page, axt_can_frame *frame);
+
+/* Report page 254: why `control`, packed as for the tick, is not followed. */
+void axt_node_frame_refusal(const axt_node *node, uint32_t control, axt_node_result result,
+                            axt_can_frame *frame);
 
 /* Report page 255: how `command` ended. */
 void axt_node_frame_answer(const axt_node *node, const axt_can_frame *command,

@@ -22,6 +22,8 @@ VCAN = "vcan0"
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 # In a guest on a busy machine a process may have to wait for its turn longer than a drive would.
 PATIENCE = ("--heartbeat-timeout", "3")
+# The same the other way round: where it is not what a test is about, a drive waits for its host.
+WATCHDOG = ("--watchdog", "5000")
 READY = re.compile(r"axistwin-emulator: node (\d+) on (\w+) (\S+), ")
 
 
@@ -51,7 +53,7 @@ class Emulator:
         program = os.environ.get("AXISTWIN_EMULATOR") or str(
             REPOSITORY / "build" / "axistwin-emulator"
         )
-        command = [program, "--bus", self.carrier.bus, *self.arguments]
+        command = [program, "--bus", self.carrier.bus, *WATCHDOG, *self.arguments]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert self.process.stdout is not None
         line = self.process.stdout.readline()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -174,14 +176,25 @@ def test_the_excitation_is_switched(
 ) -> None:
     start_emulator(vcan, *SLOW_STREAM)
     settings = ("--length", "512", "--lines", "5", "--rms", "0.05")
-    for switch, arguments in (("on", settings), ("off", ())):
-        outcome = host("excite", switch, *arguments, *vcan.host)
-        outcome.expect(0)
-        assert outcome.output == f"node 1: excitation {switch}\n"
-        trace = tmp_path / f"{switch}.csv"
-        host("trace", *vcan.host, "-n", "512", "-f", str(trace)).expect(0)
-        rms = np.sqrt(np.mean(read_record(trace).torque ** 2))
-        assert rms == pytest.approx(0.05 if switch == "on" else 0.0, rel=1e-3)
+    command = [sys.executable, "-m", "axistwin", "excite", "on", *settings, *vcan.host]
+    other = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "node 1: excitation on\n"
+        for switch, rms in (("on", 0.05), ("off", 0.0)):
+            if switch == "off":
+                outcome = host("excite", "off", *vcan.host)
+                outcome.expect(0)
+                assert outcome.output == "node 1: excitation off\n"
+            trace = tmp_path / f"{switch}.csv"
+            host("trace", *vcan.host, "-n", "512", "-f", str(trace)).expect(0)
+            torque = read_record(trace).torque
+            assert np.sqrt(np.mean(torque**2)) == pytest.approx(rms, rel=1e-3)
+        _, said = other.communicate(timeout=30)
+    finally:
+        other.kill()
+    assert other.returncode == 3
+    assert "the excitation was ended by another host" in said
 
 
 def test_what_a_node_cannot_do_is_said(

@@ -15,6 +15,7 @@
 
 enum {
     RIG_ID = 5,
+    RIG_BEAT = 1000, /* control periods between heartbeats of the host: 100 ms */
     RIG_TABLE = 512,
     RIG_TRACE = 600,
     RIG_RING = 64,
@@ -42,6 +43,8 @@ typedef struct {
     axt_can_frame commands[RIG_COMMANDS];
     uint32_t command_count;
     uint32_t command_next;
+    bool host;      /* there is one, with a heartbeat */
+    uint32_t beats; /* control periods since the last */
 
     axt_emulated_axis axis;
     rig_period_log log[RIG_LOG];
@@ -123,6 +126,11 @@ static inline rig *rig_new(void) {
         .counts_per_turn = {1048576, 1048576},
         .expected = {.I1 = (axt_real)5e-5, .I2 = (axt_real)5e-6, .B = (axt_real)1e-3, .K = 200},
         .forgetting = (axt_real)0.99995,
+        .limits = {.torque = 32767,
+                   .speed = 100000,
+                   .travel_min = INT32_MIN,
+                   .travel_max = INT32_MAX},
+        .host_timeout = 400,
         .excitation = {.length = 256, .first = 1, .stride = 1, .lines = 40, .rms = (axt_real)0.2},
         .table = r->table,
         .table_size = RIG_TABLE,
@@ -154,9 +162,29 @@ static inline rig *rig_running(void) {
     return r;
 }
 
+static inline void rig_offer(rig *r, axt_can_frame frame) {
+    if (r->command_next == r->command_count) {
+        r->command_next = 0;
+        r->command_count = 0;
+    }
+    r->commands[r->command_count] = frame;
+    r->command_count++;
+}
+
+static inline void rig_beat(rig *r, uint8_t host) {
+    rig_offer(r, (axt_can_frame){.id = AXT_CONTRACT_HEARTBEAT_FRAME_ID + (uint32_t)host,
+                                 .length = 1,
+                                 .data = {AXT_CONTRACT_HEARTBEAT_STATE_OPERATIONAL_CHOICE}});
+    r->beats = 0;
+}
+
 /* Control periods, each followed by the background, as on a drive with time to spare. */
 static inline void rig_run(rig *r, uint32_t periods) {
     for (uint32_t i = 0; i < periods; i++) {
+        if (r->host && r->beats >= RIG_BEAT) {
+            rig_beat(r, AXT_CONTRACT_HOST_ID);
+        }
+        r->beats++;
         axt_node_tick(&r->node);
         (void)axt_node_background(&r->node);
     }
@@ -184,9 +212,9 @@ static inline uint32_t rig_count(const rig *r, uint32_t base) {
     return count;
 }
 
-/* The last report of a page that was sent; page 254 (none such) when there is none. */
+/* The last report of a page that was sent; page 253 (none such) when there is none. */
 static inline struct axt_contract_report_t rig_report(const rig *r, uint8_t page) {
-    struct axt_contract_report_t report = {.page = 254};
+    struct axt_contract_report_t report = {.page = 253};
     for (uint32_t i = r->sent_count; i > 0; i--) {
         const axt_can_frame *frame = &r->sent[i - 1];
         if (frame->id == AXT_CONTRACT_REPORT_FRAME_ID + RIG_ID && frame->data[0] == page) {
@@ -197,13 +225,28 @@ static inline struct axt_contract_report_t rig_report(const rig *r, uint8_t page
     return report;
 }
 
-static inline void rig_offer(rig *r, axt_can_frame frame) {
-    if (r->command_next == r->command_count) {
-        r->command_next = 0;
-        r->command_count = 0;
-    }
-    r->commands[r->command_count] = frame;
-    r->command_count++;
+/* A Control frame, and three periods: it is received, carried out, and followed up. */
+static inline void rig_control(rig *r, uint16_t word, int16_t torque) {
+    const struct axt_contract_control_t control = {.control_word = word, .target_torque = torque};
+    axt_can_frame frame = {.id = AXT_CONTRACT_CONTROL_FRAME_ID + RIG_ID, .length = 4};
+    (void)axt_contract_control_pack(frame.data, &control, sizeof frame.data);
+    rig_offer(r, frame);
+    rig_run(r, 3);
+}
+
+/* The state that the node reports. */
+static inline axt_cia402_state rig_state(const rig *r) {
+    return (axt_cia402_state)(r->node.status & AXT_CIA402_STATE_MASK);
+}
+
+/* A host comes, with a heartbeat, and enables operation. */
+static inline void rig_enable(rig *r) {
+    r->host = true;
+    rig_beat(r, AXT_CONTRACT_HOST_ID);
+    rig_control(r, AXT_CONTRACT_CONTROL_CONTROL_WORD_SHUTDOWN_CHOICE, 0);
+    rig_control(r, AXT_CONTRACT_CONTROL_CONTROL_WORD_SWITCH_ON_CHOICE, 0);
+    rig_control(r, AXT_CONTRACT_CONTROL_CONTROL_WORD_ENABLE_OPERATION_CHOICE, 0);
+    CHECK_EQUAL(rig_state(r), AXT_CIA402_OPERATION_ENABLED);
 }
 
 static inline axt_can_frame rig_command(uint8_t code, uint32_t argument) {

@@ -140,7 +140,8 @@ CASE(counts_and_lengths_that_cannot_be_are_refused) {
 
 CASE(an_answer_shows_one_moment) {
     bench *b = bench_new();
-    rig_tell(b->r, AXT_CONTRACT_COMMAND_CODE_EXCITATION_ON_CHOICE, 0);
+    rig_enable(b->r);
+    CHECK_EQUAL(rig_tell(b->r, AXT_CONTRACT_COMMAND_CODE_EXCITATION_ON_CHOICE, 0), 0);
     rig_run(b->r, 1234);
     CHECK_EQUAL(ASK(b, 3, 0, AXT_REGISTER_SEQUENCE, 0, 52), AXT_MODBUS_OK);
     CHECK_EQUAL(b->registers[AXT_REGISTER_SEQUENCE], b->registers[AXT_REGISTER_SEQUENCE_END]);
@@ -169,7 +170,8 @@ CASE(an_answer_shows_one_moment) {
 CASE(the_history_has_every_sample_for_whoever_reads_it_in_time) {
     bench *b = bench_new();
     unlock(b);
-    rig_tell(b->r, AXT_CONTRACT_COMMAND_CODE_EXCITATION_ON_CHOICE, 0);
+    rig_enable(b->r);
+    CHECK_EQUAL(rig_tell(b->r, AXT_CONTRACT_COMMAND_CODE_EXCITATION_ON_CHOICE, 0), 0);
     CHECK_EQUAL(command(b, AXT_REGISTERS_HISTORY_COMMAND, 3), AXT_MODBUS_OK);
     rig_run(b->r, 60);
     uint32_t expected = 0;

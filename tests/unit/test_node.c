@@ -7,9 +7,18 @@
 #include "node_rig.h"
 #include "reference.h"
 
-enum { IDENTIFY = 1, STREAM_START, STREAM_STOP, ESTIMATOR_RESET };
+enum { IDENTIFY = 1, STREAM_START, STREAM_STOP, ESTIMATOR_RESET, STREAM_START_FD };
 enum { LENGTH = 16, FIRST, STRIDE, LINES, SEED, RMS, EXCITATION_ON, EXCITATION_OFF };
 enum { TRACE_ARM = 32, TRACE_UPLOAD, TRACE_ABORT };
+
+/* A rig whose host has switched its excitation on. */
+static rig *rig_excited(void) {
+    rig *r = rig_running();
+    rig_enable(r);
+    CHECK_EQUAL(rig_tell(r, EXCITATION_ON, 0), 0);
+    rig_run(r, 1000);
+    return r;
+}
 
 /* ---- Wire ------------------------------------------------------------------------------------ */
 
@@ -98,10 +107,7 @@ CASE(streaming_is_the_operational_state) {
 }
 
 CASE(a_stopped_node_leaves_the_axis_without_torque_and_says_so) {
-    rig *r = rig_new();
-    r->config.excited = true;
-    CHECK_EQUAL(rig_start(r), AXT_OK);
-    rig_run(r, 1000);
+    rig *r = rig_excited();
     CHECK(r->log[r->log_count - 1].torque != 0);
     rig_forget_sent(r);
     axt_node_stop(&r->node);
@@ -210,7 +216,7 @@ static uint32_t check_stream(const rig *r, uint32_t decimation) {
         CHECK_EQUAL(motor.position, saw->position[0]);
         CHECK_EQUAL(table.position, saw->position[1]);
         CHECK((axt_real)motor.torque * unit == saw->torque);
-        CHECK(table.status_word == 0x0237 || (table.status_word == 0x0233 && motor.torque == 0));
+        CHECK((table.status_word & AXT_NODE_EXCITED) != 0 || motor.torque == 0);
         samples++;
     }
     return samples;
@@ -242,6 +248,7 @@ CASE(the_stream_is_what_the_axis_saw_with_no_gap) {
 
 CASE(the_stream_shows_torque_and_status_of_the_excitation) {
     rig *r = rig_running();
+    rig_enable(r);
     CHECK_EQUAL(rig_tell(r, STREAM_START, 1), 0);
     CHECK_EQUAL(rig_tell(r, EXCITATION_ON, 0), 0);
     rig_run(r, 2000);
@@ -361,7 +368,8 @@ CASE(room_tells_whether_the_next_sample_would_be_lost) {
  */
 
 CASE(every_code_is_answered_and_only_known_ones_are_done) {
-    static const uint8_t known[] = {1, 2, 3, 4, 16, 17, 18, 19, 20, 21, 22, 23, 32, 33, 34};
+    static const uint8_t known[] = {1,  2,  3,  4,  5,  16, 17, 18, 19, 20, 21, 22, 23,
+                                    32, 33, 34, 35, 36, 37, 38, 39, 48, 49, 50, 51, 52};
     rig *r = rig_running();
     for (uint32_t code = 0; code < 256; code++) {
         const bool is_known = memchr(known, (int)code, sizeof known) != NULL;
@@ -375,6 +383,7 @@ CASE(every_code_is_answered_and_only_known_ones_are_done) {
 
 CASE(arguments_out_of_range_are_refused) {
     rig *r = rig_running();
+    rig_enable(r);
     CHECK_EQUAL(rig_tell(r, LENGTH, 3), AXT_NODE_OUT_OF_RANGE);
     CHECK_EQUAL(rig_tell(r, LENGTH, RIG_TABLE + 1), AXT_NODE_NO_ROOM);
     CHECK_EQUAL(rig_tell(r, FIRST, 0), AXT_NODE_OUT_OF_RANGE);
@@ -465,12 +474,21 @@ CASE(identify_tells_what_the_node_is) {
     CHECK_EQUAL(rig_report(r, 7).trace_capacity, RIG_TRACE);
     CHECK_EQUAL(rig_report(r, 8).trace_captured, 0);
     CHECK_EQUAL(rig_report(r, 9).trace_checksum, 0);
-    static const uint8_t pages[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 16, 17, 18};
+    CHECK_EQUAL(rig_report(r, 13).features, 0);
+    CHECK_EQUAL(rig_report(r, 14).status, 0x0050); /* switch on disabled, local */
+    CHECK_EQUAL(rig_report(r, 19).periods, 102);   /* heard at the 101st, told after it */
+    CHECK_EQUAL(rig_report(r, 56).torque_limit, 32767);
+    CHECK_EQUAL(rig_report(r, 57).speed_limit, 100000);
+    CHECK_EQUAL(rig_report(r, 58).travel_min, INT32_MIN);
+    CHECK_EQUAL(rig_report(r, 59).travel_max, INT32_MAX);
+    CHECK_EQUAL(rig_report(r, 60).host_heartbeat, 127 << 16 | 400);
     const uint16_t sequence = rig_report(r, 0).sequence;
-    for (size_t i = 0; i < COUNT_OF(pages); i++) {
-        CHECK_EQUAL(rig_report(r, pages[i]).page, pages[i]);
-        CHECK_EQUAL(rig_report(r, pages[i]).sequence, sequence);
-        CHECK_EQUAL(rig_report(r, pages[i]).flags, 0);
+    for (uint8_t page = 0; page <= 60; page++) {
+        if (page < 32 || page > 55) {
+            CHECK_EQUAL(rig_report(r, page).page, page);
+            CHECK_EQUAL(rig_report(r, page).sequence, sequence);
+            CHECK_EQUAL(rig_report(r, page).flags, 0);
+        }
     }
     free(r);
 }
@@ -480,6 +498,7 @@ CASE(counters_come_every_second) {
     axt_node_overrun(&r->node, 3);
     axt_node_overrun(&r->node, 4);
     r->node.rejected = 9; /* no bus, torque or encoder makes the estimator refuse a sample */
+    r->can.health = (axt_can_health){.error_frames = 5, .bus_off = 2, .outages = 3, .overflows = 8};
     rig_run(r, 50000);
     uint32_t reports = 0;
     for (uint32_t i = 0; i < r->sent_count; i++) {
@@ -489,6 +508,10 @@ CASE(counters_come_every_second) {
     CHECK_EQUAL(rig_report(r, 16).overruns, 7);
     CHECK_EQUAL(rig_report(r, 17).lost_samples, 0);
     CHECK_EQUAL(rig_report(r, 18).rejected_samples, 9);
+    CHECK_EQUAL(rig_report(r, 28).lost_frames, 8);
+    CHECK_EQUAL(rig_report(r, 29).bus_errors, 5);
+    CHECK_EQUAL(rig_report(r, 30).bus_offs, 2);
+    CHECK_EQUAL(rig_report(r, 31).bus_outages, 3);
     free(r);
 }
 
@@ -500,7 +523,7 @@ static uint32_t first_driven(const rig *r) {
     for (uint32_t i = 0; i < r->sent_count; i++) {
         struct axt_contract_table_t table;
         (void)axt_contract_table_unpack(&table, r->sent[i].data, 8);
-        if (r->sent[i].id == 0x280 + RIG_ID && (table.status_word & 0x0004) != 0) {
+        if (r->sent[i].id == 0x280 + RIG_ID && (table.status_word & AXT_NODE_EXCITED) != 0) {
             return table.counter;
         }
     }
@@ -523,6 +546,7 @@ CASE(the_excitation_is_the_one_that_was_set) {
     const axt_schroeder wanted = {
         .length = 200, .first = 3, .stride = 2, .lines = 30, .rms = (axt_real)0.1};
     rig *r = rig_running();
+    rig_enable(r);
     CHECK_EQUAL(rig_tell(r, LENGTH, wanted.length), 0);
     CHECK_EQUAL(rig_tell(r, FIRST, wanted.first), 0);
     CHECK_EQUAL(rig_tell(r, STRIDE, wanted.stride), 0);
@@ -545,10 +569,7 @@ CASE(the_excitation_is_the_one_that_was_set) {
 
 /* Another excitation while one plays: torque 0 in between, and no sample of a half filled table. */
 CASE(changing_the_excitation_never_plays_an_unfinished_table) {
-    rig *r = rig_new();
-    r->config.excited = true;
-    CHECK_EQUAL(rig_start(r), AXT_OK);
-    rig_run(r, 500);
+    rig *r = rig_excited();
     CHECK_EQUAL(rig_tell(r, LINES, 100), 0);
     CHECK_EQUAL(rig_tell(r, SEED, 9), 0);
     CHECK_EQUAL(rig_tell(r, EXCITATION_ON, 0), 0);
@@ -576,10 +597,7 @@ CASE(changing_the_excitation_never_plays_an_unfinished_table) {
 /* A background that runs many times between two ticks, as on a drive with little to do, waits for
  * the tick to let go of the table before it writes to it. */
 CASE(the_table_is_not_written_while_the_tick_may_play_it) {
-    rig *r = rig_new();
-    r->config.excited = true;
-    CHECK_EQUAL(rig_start(r), AXT_OK);
-    rig_run(r, 500);
+    rig *r = rig_excited();
     axt_real playing[RIG_TABLE];
     memcpy(playing, r->table, sizeof playing);
     CHECK_EQUAL(rig_tell(r, LINES, 30), 0);
@@ -651,7 +669,7 @@ static void check_trace(const rig *r, uint32_t first, uint32_t index, uint32_t l
             CHECK((axt_real)trace.torque * r->node.torque_unit == saw->torque);
         } else {
             CHECK_EQUAL(trace.table_position, saw->position[1]);
-            CHECK_EQUAL(trace.status_word, 0x0237);
+            CHECK_EQUAL(trace.status_word, 0x0337); /* enabled by a host, excitation */
         }
         number++;
     }
@@ -668,14 +686,6 @@ static uint32_t checksum_of_trace(const rig *r) {
         }
     }
     return crc32_by_definition(bytes, size);
-}
-
-static rig *rig_excited(void) {
-    rig *r = rig_new();
-    r->config.excited = true;
-    CHECK_EQUAL(rig_start(r), AXT_OK);
-    rig_run(r, 1000);
-    return r;
 }
 
 CASE(a_trace_is_what_the_axis_saw_bit_for_bit) {
@@ -736,7 +746,7 @@ CASE(an_upload_can_begin_anywhere_and_be_repeated) {
 
 static void begin_upload_and_get_stuck(rig *r) {
     rig_forget_sent(r);
-    r->room = 6;
+    r->room = 12;
     rig_offer(r, rig_command(TRACE_UPLOAD, 0));
     rig_run(r, 3);
     CHECK(rig_count(r, 0x480) > 0);
@@ -857,7 +867,7 @@ static uint32_t count_snapshots(uint32_t interval) {
 
 CASE(an_estimate_is_one_snapshot_of_fourteen_pages_five_times_a_second) {
     CHECK_NEAR(count_snapshots(5), 25, 1);
-    CHECK_NEAR(count_snapshots(200), 13, 2); /* 50 frames a second less 10 heartbeats, 3 counters */
+    CHECK_NEAR(count_snapshots(200), 8, 2); /* 50 frames a second less 10 heartbeats, 18 counters */
 }
 
 CASE(without_excitation_there_is_no_estimate) {

@@ -31,6 +31,7 @@ from axistwin.errors import (
     BusError,
     CommandRefusedError,
     ContractError,
+    DriveFaultError,
     InputError,
     NoAnswerError,
     NodeLostError,
@@ -59,7 +60,21 @@ _BATCH = 256
 
 _DEFAULT_CHANNEL = "vcan0"
 _ASK_AGAIN = 0.25
-_OPERATION_ENABLED = 0x0004  # bit 2 of the CiA 402 status word
+_STATE = 0x6F  # bits of the CiA 402 status word that are the state
+_EXCITED = 0x0100  # bit 8: the excitation plays
+
+# How often this host's heartbeat is sent while it has a drive under its control [s].
+_BEAT = 0.1
+
+# What leads towards operation enabled, by the state of the drive: a control word, the next state.
+_TOWARDS_ENABLED = {
+    "QuickStopActive": ("DisableVoltage", "SwitchOnDisabled"),
+    "SwitchOnDisabled": ("Shutdown", "ReadyToSwitchOn"),
+    "ReadyToSwitchOn": ("SwitchOn", "SwitchedOn"),
+    "SwitchedOn": ("EnableOperation", "OperationEnabled"),
+    "OperationEnabled": ("EnableOperation", "OperationEnabled"),
+}
+_FAULT_STATES = ("FaultReactionActive", "Fault")
 _KNOWN_ERRORS = {
     errno.EAFNOSUPPORT: "this kernel has no SocketCAN",
     errno.ENODEV: "there is no such CAN interface",
@@ -67,12 +82,22 @@ _KNOWN_ERRORS = {
     errno.ENETDOWN: "the interface is down",
 }
 _LOGGING = ("critical", "info", "debug")
-_STREAMING_AFTER = {"StreamStart": True, "StreamStop": False}
+_STREAMING_AFTER = {"StreamStart": True, "StreamStartFd": True, "StreamStop": False}
 _REFUSALS = {
-    1: "it does not know this command",
-    2: "the argument is out of range",
-    3: "not now",
-    4: "it has no room for that",
+    "UnknownCommand": "it does not know this command",
+    "OutOfRange": "the argument is out of range",
+    "NotNow": "not now",
+    "NoRoom": "it has no room for that",
+    "NotEnabled": "operation is not enabled",
+    "NotWhileEnabled": "not while operation is enabled",
+    "NoTransition": "its state does not lead there",
+    "NoHostHeartbeat": "it does not hear a host's heartbeat",
+    "NoFd": "its bus does not carry CAN FD frames",
+}
+_FAULTS = {
+    "HostHeartbeatLost": "it has not heard this host for too long",
+    "SpeedLimitExceeded": "the axis is faster than its speed limit",
+    "TravelLimitExceeded": "the axis has left its travel range",
 }
 
 Sink = Callable[[can.Message], object]
@@ -158,6 +183,9 @@ class Node:
 
     ``sinks`` are called with every message that is received. ``errors`` counts bus error frames,
     ``frames`` everything else. ``pages`` and ``page_flags`` are the latest report pages by name.
+
+    A drive that was enabled stops its torque when it does not hear from its host: poll() sends this
+    host's heartbeat, so call it, or what calls it, at least every 200 ms.
     """
 
     def __init__(
@@ -188,6 +216,9 @@ class Node:
         self._gone: str | None = None
         self._status: int | None = None
         self._answers: list[bytes] = []
+        self._refusals: list[bytes] = []
+        self._beating = False
+        self._last_beat = 0.0
         self._page_names = {
             multiplexer: signal.name
             for signal in contract.messages["Report"].signals
@@ -198,7 +229,10 @@ class Node:
         self._flags = contract.reader("Report", "Flags")
         self._sequence = contract.reader("Report", "Sequence")
         self._answer = contract.reader("Report", "Answer")
+        self._error_code = contract.reader("Emergency", "ErrorCode")
+        self._status_page = contract.reader("Report", "Status")
         self._status_word = contract.reader("Table", "StatusWord")
+        self._status_word_fd = contract.reader("Samples", "StatusWord")
         self._heartbeats = range(
             contract.identifier("Heartbeat", NODES.start),
             contract.identifier("Heartbeat", NODES.stop),
@@ -207,8 +241,10 @@ class Node:
             contract.identifier(message, node_id): (contract.length(message), handler)
             for message, handler in (
                 ("Heartbeat", self._on_heartbeat),
+                ("Emergency", self._on_emergency),
                 ("Report", self._on_report),
                 ("Table", self._on_table),
+                ("Samples", self._on_samples),
             )
         }
 
@@ -219,7 +255,11 @@ class Node:
         self.close()
 
     def close(self) -> None:
-        """Closes the bus. What the node does is left as it is."""
+        """Closes the bus. What the node does is left as it is; only a drive enabled here is not."""
+        if self._beating:
+            with contextlib.suppress(AxisTwinError):  # it stops its torque by itself soon
+                self.disable()
+        self._beating = False
         if self._bus is not None:
             _close(self._bus)
             self._bus = None
@@ -231,6 +271,8 @@ class Node:
         ContractError when it speaks another version of the contract.
         """
         deadline = time.monotonic() + wait
+        self._beating = False  # whoever answers is not under this host's control
+        self._status = None
         self.close()
         self.info = None
         told = False
@@ -258,8 +300,9 @@ class Node:
         Raises NodeLostError when the bus has failed, or a connected node is silent or has started
         afresh.
         """
+        self._beat()
         taken = 0
-        message = self._receive(timeout)
+        message = self._receive(min(timeout, _BEAT) if self._beating else timeout)
         while message is not None:
             self._take(message)
             taken += 1
@@ -275,12 +318,108 @@ class Node:
 
     @property
     def excited(self) -> bool | None:
-        """Is torque applied, by the status word of the live stream? None: not known."""
-        return None if self._status is None else bool(self._status & _OPERATION_ENABLED)
+        """Does the excitation play? None: not known."""
+        return None if self._status is None else bool(self._status & _EXCITED)
 
-    def forget_status(self) -> None:
-        """Only what the stream says from now on counts for ``excited``."""
-        self._status = None
+    @property
+    def state(self) -> str | None:
+        """The state of the drive by its name in the contract. None: not known."""
+        if self._status is None:
+            return None
+        return self.contract.names["DriveState"].get(self._status & _STATE)
+
+    @property
+    def fault(self) -> str | None:
+        """Why the drive is in fault; None when it is not."""
+        if self.state not in _FAULT_STATES:
+            return None
+        code = int(self.pages.get("Error", 0))
+        name = self.contract.name_of("Emergency", "ErrorCode", code)
+        return _FAULTS.get(name, f"error 0x{code:04X}")
+
+    def check_drive(self) -> None:
+        """Raises DriveFaultError when the drive is in fault."""
+        if self.fault is not None:
+            raise DriveFaultError(f"node {self.id} is in fault, its torque off: {self.fault}")
+
+    def enable(self) -> None:
+        """Has the drive enable operation, step by step, and keeps it so by this host's heartbeat.
+
+        A fault from before is reset. Raises CommandRefusedError or NoAnswerError when the drive
+        does not follow, DriveFaultError when it goes into fault meanwhile.
+        """
+        self._beating = True
+        self.await_status(lambda: self.state in (*_TOWARDS_ENABLED, "Fault"), "say its state")
+        if self.state == "Fault":
+            self.reset_fault()
+        state = None
+        while state != "OperationEnabled":
+            self.check_drive()
+            word, state = _TOWARDS_ENABLED[self.state or ""]
+            self._control(word, state)
+
+    def disable(self) -> None:
+        """Ends operation: torque 0, and no heartbeat any more."""
+        self._control("DisableVoltage", "SwitchOnDisabled", "Fault")
+        self._beating = False
+
+    def quick_stop(self) -> None:
+        """Stops the torque at once; enable() goes on from there."""
+        self._control("QuickStop", "QuickStopActive", "SwitchOnDisabled")
+
+    def reset_fault(self) -> None:
+        """Leads from fault to switch on disabled: the step of a bit from 0 to 1."""
+        self._send(self.contract.control(self.id, "DisableVoltage"))
+        self._control("FaultReset", "SwitchOnDisabled")
+
+    def set_torque(self, torque: float) -> None:
+        """The torque set-point [N m], within the drive's limits, while operation is enabled."""
+        assert self.info is not None
+        per_mille = 1e3 * torque / self.info.rated_torque
+        self._send(self.contract.control(self.id, "EnableOperation", per_mille))
+
+    def await_status(
+        self,
+        condition: Callable[[], bool],
+        what: str,
+        timeout: float = 0.0,
+        again: can.Message | None = None,
+    ) -> None:
+        """Polls until the condition holds; what may have got lost is asked for and sent again.
+
+        Raises NoAnswerError when the node does not do ``what`` within ``answer_timeout``, or
+        ``timeout`` [s] where that is longer.
+        """
+        deadline = time.monotonic() + max(timeout, self.answer_timeout)
+        while not self.wait_until(condition, _ASK_AGAIN):
+            if time.monotonic() > deadline:
+                raise NoAnswerError(f"node {self.id} does not {what}")
+            if again is not None:
+                self._send(again)
+            self.command("Identify")
+
+    def _control(self, word: str, *states: str) -> None:
+        """Sends a control word and waits until the drive is in one of the states."""
+        self._refusals.clear()
+        message = self.contract.control(self.id, word)
+        wanted = (*states, *(_FAULT_STATES if word != "FaultReset" else ()))
+        self._send(message)
+        self.await_status(
+            lambda: bool(self._refusals) or self.state in wanted,
+            f"follow the control word {word}",
+            again=message,
+        )
+        if self._refusals:
+            self._check_result(self._sequence(self._refusals[0]), f"the control word {word}", 0)
+        if self.state not in states:
+            self.check_drive()
+
+    def _beat(self) -> None:
+        """Sends this host's heartbeat when it is due."""
+        now = time.monotonic()
+        if self._beating and self._bus is not None and now - self._last_beat >= _BEAT:
+            self._last_beat = now
+            self._send(self.contract.host_heartbeat())
 
     def command(self, name: str, argument: float = 0) -> None:
         """Sends a command and waits until it is answered.
@@ -318,7 +457,8 @@ class Node:
     def _check_result(self, result: int, name: str, argument: float) -> None:
         if result != 0:
             what = f"{name} {argument:.10g}" if argument else name
-            reason = _REFUSALS.get(result, f"result {result}")
+            name = self.contract.names["Result"].get(result, "")
+            reason = _REFUSALS.get(name, f"result {result}")
             raise CommandRefusedError(f"node {self.id} refuses {what}: {reason}")
 
     def _receive(self, timeout: float) -> can.Message | None:
@@ -407,12 +547,24 @@ class Node:
         name = self._page_names.get(self._page(payload))
         if name == "Answer":
             self._answers.append(payload)
+        elif name == "ControlRefused":
+            self._refusals.append(payload)
         elif name is not None:
             self.pages[name] = self.contract.value("Report", name, payload)
             self.page_flags[name] = self._flags(payload)
+            if name == "Status":
+                self._status = self._status_page(payload)
+
+    def _on_emergency(self, payload: bytes) -> None:
+        code = self._error_code(payload)
+        if self.contract.name_of("Emergency", "ErrorCode", code) in _FAULTS:
+            self.pages["Error"] = code
 
     def _on_table(self, payload: bytes) -> None:
         self._status = self._status_word(payload)
+
+    def _on_samples(self, payload: bytes) -> None:
+        self._status = self._status_word_fd(payload)
 
 
 def node_of(arguments: argparse.Namespace) -> Node:

@@ -27,6 +27,7 @@ PAYLOAD, PAYLOAD_FD = 8, 64
 Payloads = npt.NDArray[np.uint8]
 
 _VERSION = "ContractVersion"
+_HOST = "HostId"
 
 # What this program relies on, with the signal that selects what the rest of the frame means.
 _MESSAGES = {
@@ -44,11 +45,17 @@ _MESSAGES = {
 
 @dataclass(frozen=True)
 class Contract:
-    """A wire contract. ``version`` has to be the node's own; ``source`` names the DBC file."""
+    """A wire contract. ``version`` has to be the node's own; ``source`` names the DBC file.
+
+    ``host`` is the node id that a host goes by. ``names`` are the value tables: names of numbers
+    that appear in more than one place.
+    """
 
     version: int
+    host: int
     source: str
     messages: dict[str, Message]
+    names: dict[str, dict[int, str]]
 
     def identifier(self, message: str, node: int) -> int:
         """Identifier of a message from or to a node."""
@@ -79,11 +86,19 @@ class Contract:
 
     def state(self, name: str) -> int:
         """A heartbeat state by name."""
-        choices = self.signal("Heartbeat", "State").choices
-        for value, text in (choices or {}).items():
+        return self.value_of("Heartbeat", "State", name)
+
+    def value_of(self, message: str, signal: str, name: str) -> int:
+        """The value of a signal that has this name."""
+        for value, text in (self.signal(message, signal).choices or {}).items():
             if str(text) == name:
                 return int(value)
-        raise InputError(f"{self.source}: Heartbeat has no state {name}")
+        raise InputError(f"{self.source}: {message} {signal} has no value {name}")
+
+    def name_of(self, message: str, signal: str, value: int) -> str:
+        """The name of a value of a signal; the number itself where it has none."""
+        choices = self.signal(message, signal).choices
+        return str(choices[value]) if choices is not None and value in choices else str(value)
 
     def raw(self, message: str, name: str, payloads: Payloads) -> npt.NDArray[Any]:
         """A signal of payloads (n, length) as it is on the wire: (n,) int64 or float32.
@@ -130,7 +145,26 @@ class Contract:
             data = message.encode({"Code": self.choice("Command", name), name: number})
         except Exception as error:  # cantools and bitstruct have an exception each
             raise InputError(f"command {name}: {argument} is out of range") from error
-        identifier = self.identifier("Command", node)
+        return self._frame("Command", node, data)
+
+    def control(self, node: int, word: str, torque: float = 0.0) -> can.Message:
+        """A Control frame: a control word by name, and a set-point [per mille of rated torque].
+
+        Raises InputError when the set-point does not fit into it.
+        """
+        try:
+            data = self.messages["Control"].encode({"ControlWord": word, "TargetTorque": torque})
+        except Exception as error:  # as above
+            raise InputError(f"a torque of {torque:g} per mille is out of range") from error
+        return self._frame("Control", node, data)
+
+    def host_heartbeat(self) -> can.Message:
+        """The heartbeat of a host."""
+        data = self.messages["Heartbeat"].encode({"State": "Operational"})
+        return self._frame("Heartbeat", self.host, data)
+
+    def _frame(self, message: str, node: int, data: bytes) -> can.Message:
+        identifier = self.identifier(message, node)
         return can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
 
 
@@ -164,7 +198,14 @@ def _parse(path: Path, source: str) -> Contract:
         if name not in messages or (selector is not None and selector not in signals):
             raise InputError(f"{source} is no AxisTwin contract: it has no proper message {name}")
     attributes = database.dbc.attributes if database.dbc is not None else {}
-    if _VERSION not in attributes:
-        raise InputError(f"{source} is no AxisTwin contract: it has no attribute {_VERSION}")
-    version = int(attributes[_VERSION].value)
-    return Contract(version, source, {name: messages[name] for name in _MESSAGES})
+    for name in (_VERSION, _HOST):
+        if name not in attributes:
+            raise InputError(f"{source} is no AxisTwin contract: it has no attribute {name}")
+    tables = database.dbc.value_tables if database.dbc is not None else {}
+    return Contract(
+        int(attributes[_VERSION].value),
+        int(attributes[_HOST].value),
+        source,
+        {name: messages[name] for name in _MESSAGES},
+        {name: {int(i): str(text) for i, text in table.items()} for name, table in tables.items()},
+    )

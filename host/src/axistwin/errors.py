@@ -41,6 +41,10 @@ class CommandRefusedError(BusError):
     """A node answered that it will not carry out a command."""
 
 
+class DriveFaultError(BusError):
+    """A drive has gone into fault: its torque is off."""
+
+
 class ContractError(BusError):
     """Node and host do not speak the same version of the wire contract."""
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from axistwin.bus import Node
-from axistwin.errors import AxisTwinError, BusError
+from axistwin.errors import AxisTwinError
 
 # Option, command, type, what it is.
 _SETTINGS = (
@@ -43,35 +43,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def switch_on(node: Node, arguments: argparse.Namespace) -> None:
-    """Sends the settings that were given, switches on, and waits until torque is applied.
+    """Enables the drive, sends the settings that were given, and waits until the excitation plays.
 
-    Raises CommandRefusedError when a setting is refused, BusError when the torque does not come.
+    Raises CommandRefusedError when a setting is refused, NoAnswerError when the excitation does not
+    begin, DriveFaultError when the drive goes into fault instead.
     """
+    node.enable()
     for _, command, *_ in _SETTINGS:
         value = getattr(arguments, command)
         if value is not None:
             node.command(command, value)
     node.command("ExcitationOn")
-    # The answer comes before the period has been computed; the status word says when it runs.
-    was_streaming = node.streaming
-    if not was_streaming:
-        node.command("StreamStart")
-    node.forget_status()
-    if not node.wait_until(lambda: bool(node.excited), _FILLING_MAX):
-        raise BusError(f"node {node.id} does not apply the excitation")
-    if not was_streaming:
-        node.command("StreamStop")
+    # The answer comes before the period has been computed; the status word says when it plays.
+    node.await_status(
+        lambda: bool(node.excited) or node.fault is not None, "apply the excitation", _FILLING_MAX
+    )
+    node.check_drive()
+
+
+def switch_off(node: Node) -> None:
+    """Ends the excitation and disables the drive."""
+    node.command("ExcitationOff")
+    node.disable()
 
 
 @contextmanager
 def excited(node: Node, arguments: argparse.Namespace) -> Iterator[None]:
-    """With --excite: the excitation is on inside, and off afterwards. Else nothing is touched."""
+    """With --excite: the excitation is on inside, and off afterwards. Else nothing is touched.
+
+    Raises DriveFaultError at the end when the drive has gone into fault inside.
+    """
     if not arguments.excite:
         yield
         return
     try:
         switch_on(node, arguments)
         yield
+        node.check_drive()
     finally:
         with suppress(AxisTwinError):  # a node that has gone: what ended this says so
-            node.command("ExcitationOff")
+            switch_off(node)

@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from axistwin import bus, core, plots
+from axistwin import bus, core, excitation, plots
 from axistwin.commands.emulate import find_emulator
 from axistwin.errors import BusError, FileError
 from axistwin.identify import axis_truth, identify, table
@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     period = core.time_step(_LENGTH, _LINE, core.modal(axis).wn)
     with _interface(terminal) as line, _emulator(line, period, terminal) as channel:
         node = _node_estimate(channel, terminal)
-        _run("trace", *channel, "-n", str(_SAMPLES), "-f", str(record))
+        _run("trace", *channel, "--excite", "-n", str(_SAMPLES), "-f", str(record))
     terminal.note(f"$ axistwin identify {shlex.quote(str(record))}")
     result = identify(read_record(record))
     truth = axis_truth(axis)
@@ -117,7 +117,7 @@ def _ip(*arguments: str) -> bool:
 @contextlib.contextmanager
 def _emulator(line: str, period: float, terminal: Terminal) -> Iterator[tuple[str, ...]]:
     """A running emulator; yields the bus arguments to reach it with."""
-    command = [find_emulator(), "--bus", line, "--period", repr(period), "--excite"]
+    command = [find_emulator(), "--bus", line, "--period", repr(period)]
     command += ["--excitation", f"{_LENGTH},{2 * _LINE}"]
     terminal.note(f"$ {shlex.join(command)}")
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -141,13 +141,15 @@ def _node_estimate(channel: tuple[str, ...], terminal: Terminal) -> dict[str, fl
     """What the node itself has identified after a while, by name."""
     parser = argparse.ArgumentParser()
     bus.add_arguments(parser)
-    arguments = parser.parse_args(channel)
+    excitation.add_arguments(parser)
+    arguments = parser.parse_args([*channel, "--excite"])
     with bus.node_of(arguments) as node:
         node.connect(arguments.wait, terminal.note)
-        terminal.note(f"the node learns for {_LEARNING:g} s")
-        end = time.monotonic() + _LEARNING
-        while (left := end - time.monotonic()) > 0.0:
-            node.poll(min(left, 0.1))
+        with excitation.excited(node, arguments):
+            terminal.note(f"the drive is enabled, the node learns for {_LEARNING:g} s")
+            end = time.monotonic() + _LEARNING
+            while (left := end - time.monotonic()) > 0.0:
+                node.poll(min(left, 0.1))
         missing = [page for *_, page in _QUANTITIES if page not in node.pages]
         if missing:
             raise BusError(f"node {node.id} has not sent its estimate")

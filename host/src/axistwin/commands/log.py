@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from axistwin import bus, excitation, frames, logfile
-from axistwin.errors import AxisTwinError, FileError, InputError, NodeLostError
+from axistwin.errors import AxisTwinError, DriveFaultError, FileError, InputError, NodeLostError
 from axistwin.monitor import BusLoad, StreamMonitor
 from axistwin.output import write_json
 from axistwin.readers import buslog
@@ -148,7 +148,7 @@ def run(arguments: argparse.Namespace) -> int:
         try:
             with log.file:
                 _collect(log, arguments)
-        except (NodeLostError, FileError) as error:
+        except (NodeLostError, DriveFaultError, FileError) as error:
             failure = error
         terminal.clear()
     _report(log, path, arguments.json)
