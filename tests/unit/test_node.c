@@ -364,6 +364,152 @@ CASE(room_tells_whether_the_next_sample_would_be_lost) {
     free(r);
 }
 
+/* ---- Live stream on CAN FD --------------------------------------------------------------------
+ */
+
+static rig *rig_fd(void) {
+    rig *r = rig_running();
+    r->can.fd = true;
+    return r;
+}
+
+/* Do the Samples frames say what the axis saw? Returns the number of samples; `missing` are those
+ * that the counter left out. */
+static uint32_t check_samples(const rig *r, uint32_t decimation, uint32_t *missing) {
+    uint32_t samples = 0;
+    uint32_t expected = 0;
+    *missing = 0;
+    for (uint32_t i = 0; i < r->sent_count; i++) {
+        struct axt_contract_samples_t s;
+        if (r->sent[i].id != 0x400 + RIG_ID) {
+            continue;
+        }
+        CHECK(r->sent[i].fd);
+        CHECK_EQUAL(axt_contract_samples_unpack(&s, r->sent[i].data, r->sent[i].length), 0);
+        const int32_t motor[] = {s.motor_position0, s.motor_position1, s.motor_position2,
+                                 s.motor_position3, s.motor_position4, s.motor_position5};
+        const int32_t table[] = {s.table_position0, s.table_position1, s.table_position2,
+                                 s.table_position3, s.table_position4, s.table_position5};
+        const int16_t torque[] = {s.torque0, s.torque1, s.torque2, s.torque3, s.torque4, s.torque5};
+        *missing += (samples > 0) ? (uint16_t)(s.counter - expected) : 0;
+        expected = s.counter + UINT32_C(6);
+        for (uint32_t k = 0; k < 6; k++) {
+            const rig_period_log *saw = &r->log[(size_t)(s.counter + k) * decimation];
+            CHECK_EQUAL(motor[k], saw->position[0]);
+            CHECK_EQUAL(table[k], saw->position[1]);
+            CHECK((axt_real)torque[k] * r->node.torque_unit == saw->torque);
+            samples++;
+        }
+    }
+    return samples;
+}
+
+CASE(a_classical_bus_refuses_the_fd_stream) {
+    rig *r = rig_running();
+    CHECK_EQUAL(rig_tell(r, STREAM_START_FD, 0), AXT_NODE_NO_FD);
+    rig_run(r, 100);
+    CHECK_EQUAL(rig_count(r, 0x400), 0);
+    free(r);
+}
+
+CASE(an_fd_bus_carries_every_control_period) {
+    static const uint32_t decimations[] = {0, 1, 3, 10};
+    for (size_t k = 0; k < COUNT_OF(decimations); k++) {
+        const uint32_t decimation = (decimations[k] > 0) ? decimations[k] : 1;
+        rig *r = rig_fd();
+        rig_enable(r);
+        CHECK_EQUAL(rig_tell(r, EXCITATION_ON, 0), 0);
+        rig_run(r, 123);
+        CHECK_EQUAL(rig_tell(r, 1, 0), 0);
+        CHECK_EQUAL(rig_tell(r, STREAM_START_FD, decimations[k]), 0);
+        const uint32_t begun = r->log_count;
+        rig_run(r, 10000);
+        uint32_t missing;
+        const uint32_t samples = check_samples(r, decimation, &missing);
+        CHECK_NEAR(samples, (double)(r->log_count - begun) / decimation, 7);
+        CHECK_EQUAL(missing, 0);
+        CHECK_EQUAL(r->node.lost, 0);
+        CHECK_EQUAL(rig_count(r, 0x180), 0);
+        CHECK_EQUAL(rig_report(r, 13).features, 1);
+        CHECK_EQUAL(rig_report(r, 6).stream_decimation, decimation);
+        CHECK_EQUAL(rig_tell(r, STREAM_STOP, 0), 0);
+        rig_forget_sent(r);
+        rig_run(r, 100);
+        CHECK_EQUAL(rig_count(r, 0x400), 0);
+        free(r);
+    }
+}
+
+/* A bus that takes a frame now and then: whole frames of samples are lost, and counted. */
+CASE(what_finds_no_room_on_an_fd_bus_is_whole_frames_and_counted) {
+    rig *r = rig_fd();
+    CHECK_EQUAL(rig_tell(r, STREAM_START_FD, 1), 0);
+    for (int i = 0; i < 10000; i++) {
+        r->room = (i % 9 == 0) ? 1 : 0;
+        rig_run(r, 1);
+    }
+    r->room = UINT32_MAX;
+    rig_run(r, 10000);
+    uint32_t missing;
+    (void)check_samples(r, 1, &missing);
+    CHECK(missing > 1000);
+    CHECK_EQUAL(missing % 6, 0);
+    CHECK_EQUAL(r->node.lost, missing);
+    CHECK_EQUAL(rig_report(r, 17).lost_samples, missing);
+    free(r);
+}
+
+/* From one kind of stream to the other and back, in the middle of a frame and with the bus full:
+ * each sample is in the one or the other, or counted as lost. */
+CASE(changing_the_kind_of_stream_loses_nothing_silently) {
+    rig *r = rig_fd();
+    uint64_t seed = 3;
+    CHECK_EQUAL(rig_tell(r, STREAM_START, 1), 0);
+    for (int i = 0; i < 300; i++) {
+        r->room = (uint32_t)(random_bits(&seed) % 30);
+        rig_run(r, (uint32_t)(random_bits(&seed) % 40));
+        if (r->command_next == r->command_count) {
+            rig_offer(r, rig_command((i % 2 == 0) ? STREAM_START_FD : STREAM_START, 1));
+        }
+    }
+    r->room = UINT32_MAX;
+    rig_run(r, 500);
+    uint32_t missing;
+    const uint32_t samples = check_samples(r, 1, &missing) + check_stream(r, 1);
+    const axt_can_frame *first = rig_find(r, 0x180, 0);
+    const uint32_t begun = first->data[0] | (uint32_t)first->data[1] << 8;
+    CHECK_EQUAL(samples + r->node.lost + r->node.grouped, r->node.counter - begun);
+    CHECK(rig_count(r, 0x400) > 100 && rig_count(r, 0x180) > 100);
+    free(r);
+}
+
+CASE(the_status_of_a_frame_is_that_of_its_last_sample_and_any_limit) {
+    rig *r = rig_fd();
+    rig_enable(r);
+    CHECK_EQUAL(rig_tell(r, RMS, bits_of(1.9F)), 0);
+    CHECK_EQUAL(rig_tell(r, EXCITATION_ON, 0), 0);
+    CHECK_EQUAL(rig_tell(r, STREAM_START_FD, 1), 0);
+    rig_run(r, 2000);
+    uint32_t limited = 0;
+    for (uint32_t i = 0; i < r->sent_count; i++) {
+        struct axt_contract_samples_t s;
+        if (r->sent[i].id != 0x400 + RIG_ID) {
+            continue;
+        }
+        (void)axt_contract_samples_unpack(&s, r->sent[i].data, r->sent[i].length);
+        const int16_t torque[] = {s.torque0, s.torque1, s.torque2, s.torque3, s.torque4, s.torque5};
+        bool any = false;
+        for (size_t k = 0; k < COUNT_OF(torque); k++) {
+            any = any || torque[k] == 32767 || torque[k] == -32767;
+        }
+        CHECK_EQUAL((s.status_word & AXT_NODE_LIMITED) != 0, any);
+        CHECK_EQUAL(s.status_word & 0x6F, AXT_CIA402_OPERATION_ENABLED);
+        limited += any ? 1 : 0;
+    }
+    CHECK(limited > 10);
+    free(r);
+}
+
 /* ---- Commands ---------------------------------------------------------------------------------
  */
 
@@ -920,6 +1066,11 @@ int main(void) {
     RUN(nobody_listening_is_no_loss);
     RUN(a_sample_split_by_a_full_bus_is_not_torn);
     RUN(room_tells_whether_the_next_sample_would_be_lost);
+    RUN(a_classical_bus_refuses_the_fd_stream);
+    RUN(an_fd_bus_carries_every_control_period);
+    RUN(what_finds_no_room_on_an_fd_bus_is_whole_frames_and_counted);
+    RUN(changing_the_kind_of_stream_loses_nothing_silently);
+    RUN(the_status_of_a_frame_is_that_of_its_last_sample_and_any_limit);
     RUN(every_code_is_answered_and_only_known_ones_are_done);
     RUN(arguments_out_of_range_are_refused);
     RUN(a_short_command_is_out_of_range_and_an_empty_one_nothing);
