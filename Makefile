@@ -266,7 +266,7 @@ install: $(REALS:%=$(BUILD)/gcc-%/libaxistwin.a) $(BUILD)/axistwin-emulator
 clean:
 	rm -rf $(BUILD)
 
-# ---- Bench: what the core costs and survives ------------------------------------------------------
+# ---- Bench: what the core costs and survives, what the bus carries ---------------------------------
 
 PACKAGES_bench := gcc gcc-arm-none-eabi picolibc-arm-none-eabi qemu-system-arm valgrind
 
@@ -276,7 +276,8 @@ $(VENV)/.bench: tests/tools/constraints.txt | $(VENV)/.build-tools
 
 .PHONY: bench
 ## bench     cost and survival beside their targets (build/bench.json); PART=instructions.cortex-m4f: only that
-bench: $(BUILD)/packages-build $(BUILD)/packages-bench $(VENV)/.bench
+bench: $(BUILD)/packages-build $(BUILD)/packages-bench $(BUILD)/packages-hil $(VENV)/.bench \
+		$(VENV)/.host $(BUILD)/axistwin-emulator
 	CORE_FLAGS="$(CORE_FLAGS)" PYTHONPATH=tests/tools $(VENV)/bin/python tests/bench/bench.py $(PART)
 
 # ---- Proof: for all values, not for those that a test tries ------------------------------------------

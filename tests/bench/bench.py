@@ -2,9 +2,11 @@
 
     bench.py [PART ...]
 
-Without PART everything is measured and build/bench.json written (a few minutes). A PART measures
-only that, in seconds, and writes nothing: `instructions`, `bytes`, `survival`, `host`, or one of
-their members, such as `instructions.cortex-m4f` or `survival.collinear_raw`.
+Without PART everything is measured and build/bench.json written (a few minutes, or half an hour
+where vcan needs an emulated machine). A PART measures only that and takes the place of what
+build/bench.json had of it: `instructions`, `bytes`, `survival`, `host`, `bus`, or one of their
+members, such as `instructions.cortex-m4f` or `bus.round_trip`. `bus.ten_minutes`, a full bus for
+that long, is measured only when it is named.
 
 Instructions are counted one call at a time: `mean` is over normal running, `max` over everything
 that can happen, standing still and samples that are not numbers included. The exit status is 1 when
@@ -20,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import bus
 import footprint
 import instructions
 import speed
@@ -27,7 +30,7 @@ import survival
 from toolchain import BOARDS, HOST, TARGETS, BenchError, run
 
 OUTPUT = Path("build/bench.json")
-PARTS = ("instructions", "bytes", "survival", "host")
+PARTS = ("instructions", "bytes", "survival", "host", "bus")
 
 Figures = dict[str, Any]
 
@@ -58,6 +61,11 @@ LIMITS = [
     Limit(("survival", "collinear_made_up", "error"), 5e-3),
     Limit(("survival", "collinear_axis_3x2", "error"), 1e-5),
     Limit(("survival", "collinear_axis_5x4", "error"), 1e-5),
+    *(
+        Limit(("bus", stream, what), 0)
+        for stream in ("full_bus", "ten_minutes", "fd")
+        for what in ("lost", "lost_by_node")
+    ),
 ]
 
 # Public C implementations of recursive least squares, float32, Cortex-M4F at -O2, measured by us:
@@ -132,6 +140,10 @@ def measure(selection: Selection) -> Figures:
         program = survival.program()
         wanted = [case for case in survival.cases(program) if selection.wants("survival", case)]
         figures["survival"] = survival.measure(program, wanted)
+    if selection.wants_inside("bus"):
+        wanted = [member for member in bus.MEMBERS if selection.wants("bus", member)]
+        named = [member for member in wanted if f"bus.{member}" in selection.parts]
+        figures["bus"] = bus.measure([m for m in wanted if m not in bus.ON_DEMAND or m in named])
     selection.check_all_taken()
     return figures
 
@@ -243,6 +255,18 @@ def print_host(figures: Figures) -> None:
         )
 
 
+def print_bus(figures: Figures, judgement: Judgement) -> None:
+    """One line a figure; histograms are for the file."""
+    print("\nbus (vcan; seconds are those of the machine that has it)")
+    for member, values in figures.items():
+        for name, value in values.items():
+            if isinstance(value, dict):
+                shown = ", ".join(f"{k} {v:.6g}" for k, v in value.items() if k != "histogram")
+            else:
+                shown = f"{value:.6g}  {judgement.mark('bus', member, name)}"
+            print(f"  {member:<12}{name:<24}{shown}")
+
+
 def print_public() -> None:
     """The implementations to compare with."""
     print("\npublic C implementations of RLS, float32, Cortex-M4F at -O2")
@@ -266,10 +290,18 @@ def print_all(figures: Figures, judgement: Judgement) -> None:
         print_host(figures["host"])
     if "survival" in figures:
         print_survival(figures["survival"], judgement)
+    if "bus" in figures:
+        print_bus(figures["bus"], judgement)
     missed = judgement.missed()
     print(f"\n{len(judgement.judged) - len(missed)} of {len(judgement.judged)} targets met")
     for path in missed:
         print(f"  missed: {path}")
+
+
+def merge(known: Figures, measured: Figures) -> Figures:
+    """What was known, with what has been measured in place of the same members."""
+    parts = {part: {**known.get(part, {}), **members} for part, members in measured.items()}
+    return {**known, **parts}
 
 
 def tools() -> dict[str, str]:
@@ -288,15 +320,16 @@ def main() -> int:
         figures = measure(Selection(arguments))
         judgement = Judgement(figures)
         print_all(figures, judgement)
-        if not arguments:
-            everything = {
-                **figures,
-                "targets": judgement.judged,
-                "public": [dict(zip(PUBLIC_COLUMNS, row, strict=True)) for row in PUBLIC],
-                "tools": tools(),
-            }
-            OUTPUT.write_text(json.dumps(everything, indent=1) + "\n", encoding="utf-8")
-            print(f"written: {OUTPUT}")
+        known = json.loads(OUTPUT.read_text()) if arguments and OUTPUT.exists() else {}
+        merged = merge(known, figures)
+        everything = {
+            **merged,
+            "targets": Judgement(merged).judged,
+            "public": [dict(zip(PUBLIC_COLUMNS, row, strict=True)) for row in PUBLIC],
+            "tools": tools(),
+        }
+        OUTPUT.write_text(json.dumps(everything, indent=1) + "\n", encoding="utf-8")
+        print(f"written: {OUTPUT}")
     except BenchError as error:
         print(f"bench: {error}", file=sys.stderr)
         return 1
