@@ -285,7 +285,7 @@ bench: $(BUILD)/packages-build $(BUILD)/packages-bench $(BUILD)/packages-hil $(V
 PACKAGES_proof := frama-c-base gappa
 
 .PHONY: proof
-## proof     no undefined behaviour, and bounds that last: plant and codecs, by Frama-C (build/proof.json)
+## proof     no undefined behaviour, and bounds that last: plant, RLS, codecs, by Frama-C (build/proof.json)
 proof: $(BUILD)/packages-build $(BUILD)/packages-proof $(CONTRACT)/axt_contract.h
 	$(PYTHON) tests/proof/proof.py $(BUILD)/proof.json
 

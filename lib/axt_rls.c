@@ -3,9 +3,9 @@
 #include "axt_math.h"
 
 /* A sample is refused when the squares of its elements add up to more, and the factors start again
- * when 1 + phi' P phi does: far beyond anything scaled to 1, small enough that no product in the
- * update overflows. */
-#define SIZE_LIMIT AXT_R(1e24)
+ * when 1 + phi' P phi does: far beyond anything scaled to 1. In float at 1e24 an adversary drives
+ * theta to infinity within some hundred samples; at 1e18 it stays below 1e21. */
+#define SIZE_LIMIT (AXT_IS_DOUBLE ? AXT_R(1e24) : AXT_R(1e18))
 
 /* A direction is forgotten at the full rate when a sample renews it by a sixteenth of that, or
  * more. Less, and a direction that is seldom or weakly excited is followed late when it drifts;
@@ -119,10 +119,12 @@ AXT_UNROLLED axt_status update(axt_rls *restrict rls, uint32_t n, uint32_t m,
         const axt_real d = factor[packed(j, j)];
         const axt_real v = d * f;
         const axt_real share = v * f;
+        /*@ assert square: share >= 0; */
         const axt_real slope = f * per_alpha;
         const axt_real before = alpha;
         alpha += share;
         const axt_real left = before / alpha; /* of D; exactly 1 when there is nothing new */
+        /*@ assert left: 0 < left <= 1; */
 
         const axt_real most = axt_fma(-growth_fade, d, growth_max);
         const axt_real growth = (share < most) ? share : most;

@@ -60,9 +60,9 @@ void axt_rls_reset(axt_rls *rls);
 /* One sample: phi[inputs], y[outputs], scaled to about 1. Cost for 5 x 4: 99 multiply-adds, 38
  * other operations and 5 divisions; for 3 x 2: 36, 22 and 3; for any other shape that of 5 x 4. No
  * branch depends on the data. AXT_ERROR_NOT_FINITE, or AXT_ERROR_RANGE when the squares of all
- * elements add up to more than 1e24: counted in `rejected`, nothing else changes. AXT_ERROR_RANGE
- * also when phi' P phi is larger than that, which scaled samples never are: P starts again from its
- * prior, theta stays, `restarts` counts. */
+ * elements add up to more than 1e18 (1e24 in double): counted in `rejected`, nothing else changes.
+ * AXT_ERROR_RANGE also when phi' P phi is larger than that, which scaled samples never are: P
+ * starts again from its prior, theta stays, `restarts` counts. */
 axt_status axt_rls_update(axt_rls *rls, const axt_real *phi, const axt_real *y);
 
 /* Element (row, column) of P = U D U'; 0 for indices out of range. */

@@ -72,6 +72,23 @@ PROOFS = (
         },
     ),
     Proof(
+        what="RLS update",
+        driver="rls.c",
+        sources=("lib/axt_rls.c",),
+        includes="-Ilib -include tests/proof/inlined.h",
+        options=f"{INTERVALS} -warn-special-float non-finite",
+        justified={
+            "square": "share = (D f) f with D > 0, and rounding keeps signs; an interval does not "
+            "see that both factors have the sign of f",
+            "left": "alpha = before + share with before >= 1 and share >= 0; rounding is "
+            "monotonic, so alpha >= before and the quotient is not above 1",
+            "largest": "D (1 + (1 - lambda) (1 - x)) with x = D / limit does not pass the limit, "
+            "as (1 - x) (1 - (1 - lambda) x) >= 0; and where growth is within a rounding of 0, D "
+            "no longer changes",
+            "positive": "left > 0, and growth is not negative below the limit",
+        },
+    ),
+    Proof(
         what="contract codec",
         driver="contract.c",
         sources=("build/contract/axt_contract.c",),
