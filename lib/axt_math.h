@@ -134,12 +134,6 @@ static inline axt_two axt_two_sum(axt_real a, axt_real b) {
     return (axt_two){hi, lo};
 }
 
-/* a + b without error when |a| >= |b| (Dekker's fast two-sum): 3 additions. */
-static inline axt_two axt_fast_two_sum(axt_real a, axt_real b) {
-    const axt_real hi = a + b;
-    return (axt_two){hi, b - (hi - a)};
-}
-
 /* a * b without error: one fused operation, or Dekker's splitting where the target has none. */
 static inline axt_two axt_two_product(axt_real a, axt_real b) {
     const axt_real hi = a * b;
