@@ -15,6 +15,7 @@
 #include "axt_integrator.h"
 #include "axt_iv.h"
 #include "axt_machine.h"
+#include "axt_monitor.h"
 #include "axt_plant.h"
 #include "axt_regressor.h"
 #include "axt_rls.h"
