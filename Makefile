@@ -274,10 +274,16 @@ $(VENV)/.bench: tests/tools/constraints.txt | $(VENV)/.build-tools
 	$(PIP) numpy scipy padasip filterpy
 	touch $@
 
+BENCH_PEERS := $(BUILD)/bench/modbus_load $(BUILD)/bench/modbus_plain
+
+$(BENCH_PEERS): $(BUILD)/bench/%: tests/bench/%.c Makefile | $(BUILD)/packages-build $(CONTRACT_HEADERS)
+	mkdir -p $(@D)
+	$(GCC) $(DRIVER_FLAGS) -D_GNU_SOURCE $< $(LIBRARIES) -o $@
+
 .PHONY: bench
 ## bench     cost and survival beside their targets (build/bench.json); PART=instructions.cortex-m4f: only that
 bench: $(BUILD)/packages-build $(BUILD)/packages-bench $(BUILD)/packages-hil $(VENV)/.bench \
-		$(VENV)/.host $(BUILD)/axistwin-emulator
+		$(VENV)/.host $(BENCH_PEERS) $(BUILD)/axistwin-emulator
 	CORE_FLAGS="$(CORE_FLAGS)" PYTHONPATH=tests/tools $(VENV)/bin/python tests/bench/bench.py $(PART)
 
 # ---- Proof: for all values, not for those that a test tries ------------------------------------------

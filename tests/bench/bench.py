@@ -5,7 +5,7 @@
 Without PART everything is measured and build/bench.json written (a few minutes, or half an hour
 where vcan needs an emulated machine). A PART measures only that and takes the place of what
 build/bench.json had of it: `instructions`, `bytes`, `survival`, `host`, `bus`, or one of their
-members, such as `instructions.cortex-m4f` or `bus.round_trip`. `bus.ten_minutes`, a full bus for
+members, such as `instructions.cortex-m4f` or `bus.modbus`. `bus.ten_minutes`, a full bus for
 that long, is measured only when it is named.
 
 Instructions are counted one call at a time: `mean` is over normal running, `max` over everything
@@ -25,6 +25,7 @@ from typing import Any
 import bus
 import footprint
 import instructions
+import modbus
 import speed
 import survival
 from toolchain import BOARDS, HOST, TARGETS, BenchError, run
@@ -144,6 +145,8 @@ def measure(selection: Selection) -> Figures:
         wanted = [member for member in bus.MEMBERS if selection.wants("bus", member)]
         named = [member for member in wanted if f"bus.{member}" in selection.parts]
         figures["bus"] = bus.measure([m for m in wanted if m not in bus.ON_DEMAND or m in named])
+    if selection.wants("bus", "modbus"):
+        figures.setdefault("bus", {})["modbus"] = modbus.measure()
     selection.check_all_taken()
     return figures
 

@@ -230,8 +230,13 @@ def jitter(loaded: bool) -> Figures:
             for other in others:
                 other.kill()
                 other.wait()
-        with histogram.open(newline="") as rows:
-            bins = [(int(row["lateness_us"]), int(row["wakes"])) for row in csv.DictReader(rows)]
+        return lateness(histogram)
+
+
+def lateness(histogram: Path) -> Figures:
+    """What the emulator's --jitter has written, in figures [us]."""
+    with histogram.open(newline="") as rows:
+        bins = [(int(row["lateness_us"]), int(row["wakes"])) for row in csv.DictReader(rows)]
     return {
         "wakes": sum(wakes for _, wakes in bins),
         "p50_us": bin_quantile(bins, 0.5),
