@@ -42,10 +42,12 @@ finds another one must not go on.
   no coils. A request that touches a register which is not listed gets exception 2.
 * Values of 32 bits take two registers, **the more significant one first**, each big-endian as
   Modbus has it. Signature (bytes `41 58 54 57`) and TestFloat show whether a host reads them so.
-* **Values of one answer are of one moment.** Every block fits into one request; whoever reads it in
-  pieces compares Sequence and SequenceEnd.
+* **Values of one answer are of one moment.** Every block fits into one request; whoever reads State
+  in pieces compares Sequence and SequenceEnd.
 * The unit id is the node id. Over TCP 0 and 255 are taken, too; any other gets exception 11. On a
   serial line a broadcast (unit 0) is carried out and not answered.
+
+Registers of block Client are each client's own; those above are the same for all.
 
 ## Commands
 
@@ -53,22 +55,24 @@ The commands are those of the [CAN contract](wire.md#command), with the same cod
 and `256`: keep a sample for the history every so many control periods (argument, 1 or more).
 
 A node takes no command before the host has asked for it: write 0x4158 to WriteKey and, with the
-next request, 0x5457. That holds for this connection (the serial line is one) until it is closed,
+next request, 0x5457. That holds for this client, a connection or all of a serial line, until it is gone,
 anything else is written to WriteKey, or 10 s have passed without a write. Then write Argument and
-Code, in this order or with one request. Code answers when the command is done:
+Code, in this order or with one request. The answer comes when the command is done:
 
 | exception | meaning |
 |---|---|
 | 2 | these registers cannot be written, or not before WriteKey |
-| 3 | a count or value is impossible; Result says more |
-| 5 | the command is being carried out: read Result later |
-| 6 | not now: try again |
+| 3 | a count, a command or its argument is impossible; Result says which |
+| 4 | the command is refused; Result says why |
+| 6 | the node is busy: try again |
 
 ## The history
 
-The newest {history} samples, one every HistoryDecimation control periods, newest first. Whoever
-reads the block in time has every sample: HistoryCounter moves on by HistoryDecimation for each, so
-what is missing between two reads is known, too.
+A node keeps its newest samples, one every HistoryDecimation control periods, and block History shows
+{history} of them: the newest, or those from HistoryFrom on. Whoever writes the control period after
+the last sample to HistoryFrom and reads the block with the same request (function 23) gets one sample
+after the other and misses none as long as the node keeps them; HistoryCounter says where that was
+not so.
 """
 
 

@@ -54,6 +54,7 @@ static axt_status start_node(const axt_emulator_options *options, axt_emulated_a
     static axt_real table[AXT_EMULATOR_TABLE_SIZE];
     static axt_node_sample trace[AXT_NODE_TRACE_MAX];
     static axt_node_stream_sample ring[RING_SIZE];
+    static axt_history_slot history[RING_SIZE];
     const axt_node_config config = {
         .id = options->node,
         .control_period = (axt_real)options->period,
@@ -73,6 +74,8 @@ static axt_status start_node(const axt_emulator_options *options, axt_emulated_a
         .trace_size = options->trace_size,
         .ring = ring,
         .ring_size = RING_SIZE,
+        .history = history,
+        .history_size = RING_SIZE,
     };
     const axt_node_port port = {
         .can = can,

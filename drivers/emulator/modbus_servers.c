@@ -22,7 +22,7 @@ static axt_modbus_server_status open_tcp(axt_emulator_modbus *modbus, axt_modbus
     }
     const bool given = host[0] != '\0';
     const axt_modbus_server_status status =
-        axt_modbus_server_open_tcp(server, given ? host : NULL, port, unit);
+        axt_modbus_server_open_tcp(server, modbus->port.history, given ? host : NULL, port, unit);
     if (status == AXT_MODBUS_SERVER_OK) {
         add_name(modbus, "tcp", given ? host : "127.0.0.1", server->port);
     }
@@ -51,7 +51,8 @@ static axt_modbus_server_status open_serial(axt_emulator_modbus *modbus, axt_mod
         }
     }
     const axt_modbus_server_status status = axt_modbus_server_open_serial(
-        server, device, (bit_rate <= UINT32_MAX) ? (uint32_t)bit_rate : 0, parity, unit);
+        server, modbus->port.history, device, (bit_rate <= UINT32_MAX) ? (uint32_t)bit_rate : 0,
+        parity, unit);
     if (status == AXT_MODBUS_SERVER_OK) {
         add_name(modbus, "rtu", device, (uint32_t)bit_rate);
     }

@@ -77,13 +77,14 @@ static void hang_up(axt_modbus_server *server) {
 }
 
 axt_modbus_server_status axt_modbus_server_open_serial(axt_modbus_server *server,
+                                                       const axt_history *history,
                                                        const char *device, uint32_t bit_rate,
                                                        char parity, uint8_t unit) {
     if (!is_bit_rate(bit_rate) || strchr("NEO", parity) == NULL) {
         return AXT_MODBUS_SERVER_ERROR_ADDRESS;
     }
     memset(server, 0, sizeof *server);
-    axt_register_exchange_init(&server->exchange);
+    axt_register_exchange_init(&server->exchange, history);
     axt_modbus_line_init(&server->line, bit_rate, true);
     server->unit = unit;
     server->serve = serve;

@@ -68,12 +68,14 @@ struct axt_modbus_server {
 /* Listens on host (a name or number, NULL: loopback) and port (0: any that is free, see
  * server->port). With AXT_MODBUS_CLIENTS connected, one more takes the place of the one that has
  * been silent longest. */
-axt_modbus_server_status axt_modbus_server_open_tcp(axt_modbus_server *server, const char *host,
+axt_modbus_server_status axt_modbus_server_open_tcp(axt_modbus_server *server,
+                                                    const axt_history *history, const char *host,
                                                     uint16_t port, uint8_t unit);
 
 /* Opens a serial port or the end of a pseudo-terminal: 8 data bits, `parity` N, E or O. A device
  * that goes away is opened again when it is back. */
 axt_modbus_server_status axt_modbus_server_open_serial(axt_modbus_server *server,
+                                                       const axt_history *history,
                                                        const char *device, uint32_t bit_rate,
                                                        char parity, uint8_t unit);
 

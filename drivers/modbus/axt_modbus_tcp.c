@@ -159,12 +159,13 @@ static uint16_t port_of(int listener) {
     return ntohs((bound.any.sa_family == AF_INET6) ? bound.v6.sin6_port : bound.v4.sin_port);
 }
 
-axt_modbus_server_status axt_modbus_server_open_tcp(axt_modbus_server *server, const char *host,
+axt_modbus_server_status axt_modbus_server_open_tcp(axt_modbus_server *server,
+                                                    const axt_history *history, const char *host,
                                                     uint16_t port, uint8_t unit) {
     char service[8];
     (void)snprintf(service, sizeof service, "%u", (unsigned)port);
     memset(server, 0, sizeof *server);
-    axt_register_exchange_init(&server->exchange);
+    axt_register_exchange_init(&server->exchange, history);
     server->unit = unit;
     server->serve = serve;
     server->hang_up = hang_up;

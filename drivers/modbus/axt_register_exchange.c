@@ -7,7 +7,8 @@ enum { FRESH = 4, INDEX = 3 };             /* bits of `middle` */
 enum { IDLE, GIVEN, TAKEN, DONE };         /* states of the command */
 enum { NAP_NS = 100000, NAPS_MAX = 1000 }; /* the server waits 100 ms for a command */
 
-void axt_register_exchange_init(axt_register_exchange *exchange) {
+void axt_register_exchange_init(axt_register_exchange *exchange, const axt_history *history) {
+    exchange->history = history;
     memset(exchange->image, 0, sizeof exchange->image);
     exchange->back = 0;
     exchange->front = 1;
@@ -87,5 +88,8 @@ static axt_modbus_exception command(void *context, uint16_t code, uint32_t argum
 }
 
 axt_registers_port axt_register_exchange_port(axt_register_exchange *exchange) {
-    return (axt_registers_port){.context = exchange, .snapshot = snapshot, .command = command};
+    return (axt_registers_port){.history = exchange->history,
+                                .context = exchange,
+                                .snapshot = snapshot,
+                                .command = command};
 }

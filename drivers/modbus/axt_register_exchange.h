@@ -15,6 +15,7 @@
 
 /* Its fields are its own business. */
 typedef struct {
+    const axt_history *history;
     uint16_t image[3][AXT_REGISTER_END];
     atomic_uint middle; /* the image that neither side uses now, and whether it is new */
     unsigned back;      /* the image of the node's side */
@@ -27,7 +28,8 @@ typedef struct {
     axt_modbus_exception exception;
 } axt_register_exchange;
 
-void axt_register_exchange_init(axt_register_exchange *exchange);
+/* `history` is the node's. */
+void axt_register_exchange_init(axt_register_exchange *exchange, const axt_history *history);
 
 /* The node's side, again and again: shows what `node` shows now and carries out what was asked for.
  * Never waits. A command that `node` answers with AXT_MODBUS_BUSY is tried again the next time. */

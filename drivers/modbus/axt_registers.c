@@ -4,6 +4,7 @@
 
 /* Places of what can be written, from the first such register on. */
 enum {
+    HISTORY_FROM = AXT_REGISTER_HISTORY_FROM - AXT_REGISTER_WRITABLE_FIRST,
     WRITE_KEY = AXT_REGISTER_WRITE_KEY - AXT_REGISTER_WRITABLE_FIRST,
     ARGUMENT = AXT_REGISTER_ARGUMENT - AXT_REGISTER_WRITABLE_FIRST,
     CODE = AXT_REGISTER_CODE - AXT_REGISTER_WRITABLE_FIRST
@@ -22,13 +23,17 @@ static bool can_be_read(uint32_t address, uint32_t count) {
     return false;
 }
 
+static bool is_history_from(const axt_modbus_request *request) {
+    return request->write_address == AXT_REGISTER_HISTORY_FROM && request->write_count == 2;
+}
+
 static bool is_write_key(const axt_modbus_request *request) {
     return request->write_address == AXT_REGISTER_WRITE_KEY && request->write_count == 1;
 }
 
 /* The key goes by itself: a request that writes more needs it to have been turned before. */
 static bool can_be_written(const axt_registers_client *client, const axt_modbus_request *request) {
-    if (is_write_key(request)) {
+    if (is_write_key(request) || is_history_from(request)) {
         return true;
     }
     return client->lock == AXT_REGISTERS_ENABLED &&
@@ -47,6 +52,10 @@ static void turn_key(axt_registers_client *client, uint16_t key) {
     }
 }
 
+static uint32_t written_uint32(const axt_registers_client *client, uint32_t place) {
+    return (uint32_t)client->written[place] << 16 | client->written[place + 1];
+}
+
 static axt_modbus_exception write(const axt_registers_port *port, axt_registers_client *client,
                                   const axt_modbus_request *request) {
     const uint32_t first = request->write_address - (uint32_t)AXT_REGISTER_WRITABLE_FIRST;
@@ -59,14 +68,35 @@ static axt_modbus_exception write(const axt_registers_port *port, axt_registers_
     if (!is_inside(AXT_REGISTER_CODE, 1, request->write_address, request->write_count)) {
         return AXT_MODBUS_OK;
     }
-    const uint32_t argument =
-        (uint32_t)client->written[ARGUMENT] << 16 | client->written[ARGUMENT + 1];
-    return port->command(port->context, client->written[CODE], argument, &client->result);
+    return port->command(port->context, client->written[CODE], written_uint32(client, ARGUMENT),
+                         &client->result);
+}
+
+static void show_history(const axt_history *history, uint32_t from, uint16_t *registers) {
+    enum { MOST = AXT_REGISTER_HISTORY_TORQUE_LENGTH };
+    axt_history_sample samples[MOST];
+    const uint32_t count = (from == 0) ? axt_history_newest(history, samples, MOST)
+                                       : axt_history_from(history, from, samples, MOST);
+    registers[AXT_REGISTER_HISTORY_COUNT] = (uint16_t)count;
+    axt_registers_put_uint32(registers, AXT_REGISTER_HISTORY_DECIMATION,
+                             (count > 1) ? samples[1].n - samples[0].n
+                                         : axt_history_decimation(history));
+    axt_registers_put_uint32(registers, AXT_REGISTER_HISTORY_COUNTER,
+                             (count > 0) ? samples[0].n : 0);
+    for (uint32_t i = 0; i < count; i++) {
+        axt_registers_put_int32(registers, AXT_REGISTER_HISTORY_MOTOR_POSITION + 2 * i,
+                                samples[i].position[0]);
+        axt_registers_put_int32(registers, AXT_REGISTER_HISTORY_TABLE_POSITION + 2 * i,
+                                samples[i].position[1]);
+        registers[AXT_REGISTER_HISTORY_TORQUE + i] = (uint16_t)samples[i].torque;
+        registers[AXT_REGISTER_HISTORY_STATUS_WORD + i] = samples[i].status_word;
+    }
 }
 
 static void read(const axt_registers_port *port, const axt_registers_client *client,
                  uint16_t *registers) {
     port->snapshot(port->context, registers);
+    show_history(port->history, written_uint32(client, HISTORY_FROM), registers);
     memcpy(registers + AXT_REGISTER_WRITABLE_FIRST, client->written, sizeof client->written);
     registers[AXT_REGISTER_RESULT] = client->result;
     registers[AXT_REGISTER_WRITE_ENABLED] = (client->lock == AXT_REGISTERS_ENABLED) ? 1 : 0;

@@ -2,8 +2,8 @@
  *
  * The one place where a request meets the table: every server, of the firmware as of Linux, hands
  * its requests in here. What can be read comes as one snapshot of all registers, so the values of
- * an answer are of one moment. What can be written are commands, after the write key, and belongs
- * to the client that has written it.
+ * an answer are of one moment. What can be written belongs to the client that has written it:
+ * where it reads in the history, and commands, after the write key.
  */
 #ifndef AXT_REGISTERS_H
 #define AXT_REGISTERS_H
@@ -11,6 +11,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "axt_history.h"
 #include "axt_modbus.h"
 #include "axt_register_table.h"
 
@@ -24,8 +25,9 @@ enum { AXT_REGISTERS_NOT_NOW = 3 }; /* of register Result: what AXT_MODBUS_BUSY 
 
 /* What the registers show and do: the node, or another thread's way to it. */
 typedef struct {
-    void *context;
-    /* Fills in all registers as they are now, 0 where there are none. */
+    const axt_history *history; /* of the node; may be read from any thread */
+    void *context;              /* handed to the next two */
+    /* Fills in what is the same for all clients, as it is now, and 0 elsewhere. */
     void (*snapshot)(void *context, uint16_t registers[AXT_REGISTER_END]);
     /* Carries out a command. AXT_MODBUS_OK; _ILLEGAL_VALUE or _REFUSED; _BUSY when it may be tried
      * again at once. `result` is what register Result shows then. */

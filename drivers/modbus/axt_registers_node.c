@@ -5,10 +5,6 @@
 #include "axt_contract.h"
 #include "axt_node_command.h"
 
-enum { HISTORY = AXT_REGISTER_HISTORY_TORQUE_LENGTH };
-_Static_assert((int)HISTORY <= (int)AXT_HISTORY_READ_MAX,
-               "more registers than can be read at once");
-
 static uint32_t count_of(const _Atomic uint32_t *counter) {
     return atomic_load_explicit(counter, memory_order_relaxed);
 }
@@ -52,23 +48,27 @@ static void show_estimate(const axt_node *node, uint16_t *registers) {
 /* Mean speed [rad/s] of an encoder between two samples; its counts may wrap around. */
 static float speed(const axt_node *node, const axt_history_sample *samples, uint32_t encoder) {
     const int32_t counts =
-        (int32_t)((uint32_t)samples[0].position[encoder] - (uint32_t)samples[1].position[encoder]);
+        (int32_t)((uint32_t)samples[1].position[encoder] - (uint32_t)samples[0].position[encoder]);
     const axt_real turns = (axt_real)counts / (axt_real)node->config.counts_per_turn[encoder];
-    const axt_real time = (axt_real)(samples[0].n - samples[1].n) * node->config.control_period;
+    const axt_real time = (axt_real)(samples[1].n - samples[0].n) * node->config.control_period;
     return (float)(turns * (axt_real)6.28318530717958648 / time);
 }
 
-static void show_state(const axt_node *node, const axt_history_sample *samples, uint32_t count,
-                       uint16_t *registers) {
-    if (count > 0) {
-        registers[AXT_REGISTER_STATUS_WORD] = samples->status_word;
-        axt_registers_put_uint32(registers, AXT_REGISTER_SAMPLE_COUNTER, samples->n);
-        axt_registers_put_int32(registers, AXT_REGISTER_MOTOR_POSITION,
-                                samples->position[AXT_ENCODER_MOTOR]);
-        axt_registers_put_int32(registers, AXT_REGISTER_TABLE_POSITION,
-                                samples->position[AXT_ENCODER_TABLE]);
-        registers[AXT_REGISTER_TORQUE] = (uint16_t)samples->torque;
+/* The newest sample, and the speed between it and the one before. */
+static void show_sample(const axt_node *node, uint16_t *registers) {
+    axt_history_sample samples[2];
+    const uint32_t count = axt_history_newest(&node->history, samples, 2);
+    if (count == 0) {
+        return;
     }
+    const axt_history_sample *newest = &samples[count - 1];
+    registers[AXT_REGISTER_STATUS_WORD] = newest->status_word;
+    axt_registers_put_uint32(registers, AXT_REGISTER_SAMPLE_COUNTER, newest->n);
+    axt_registers_put_int32(registers, AXT_REGISTER_MOTOR_POSITION,
+                            newest->position[AXT_ENCODER_MOTOR]);
+    axt_registers_put_int32(registers, AXT_REGISTER_TABLE_POSITION,
+                            newest->position[AXT_ENCODER_TABLE]);
+    registers[AXT_REGISTER_TORQUE] = (uint16_t)newest->torque;
     if (count > 1) {
         axt_registers_put_float(registers, AXT_REGISTER_MOTOR_SPEED,
                                 speed(node, samples, AXT_ENCODER_MOTOR));
@@ -77,38 +77,16 @@ static void show_state(const axt_node *node, const axt_history_sample *samples, 
     }
 }
 
-static void show_history(const axt_node *node, const axt_history_sample *samples, uint32_t count,
-                         uint16_t *registers) {
-    registers[AXT_REGISTER_HISTORY_COUNT] = (uint16_t)count;
-    axt_registers_put_uint32(registers, AXT_REGISTER_HISTORY_DECIMATION,
-                             (count > 1) ? samples[0].n - samples[1].n
-                                         : axt_history_decimation(&node->history));
-    axt_registers_put_uint32(registers, AXT_REGISTER_HISTORY_COUNTER,
-                             (count > 0) ? samples[0].n : 0);
-    for (uint32_t i = 0; i < count; i++) {
-        axt_registers_put_int32(registers, AXT_REGISTER_HISTORY_MOTOR_POSITION + 2 * i,
-                                samples[i].position[AXT_ENCODER_MOTOR]);
-        axt_registers_put_int32(registers, AXT_REGISTER_HISTORY_TABLE_POSITION + 2 * i,
-                                samples[i].position[AXT_ENCODER_TABLE]);
-        registers[AXT_REGISTER_HISTORY_TORQUE + i] = (uint16_t)samples[i].torque;
-        registers[AXT_REGISTER_HISTORY_STATUS_WORD + i] = samples[i].status_word;
-    }
-}
-
 static void snapshot(void *context, uint16_t registers[AXT_REGISTER_END]) {
     axt_registers_node *view = context;
-    axt_history_sample samples[HISTORY];
-    const uint32_t count = axt_history_read(&view->node->history, samples, HISTORY);
     memcpy(registers, axt_register_constants, sizeof axt_register_constants);
     show_identity(view->node, registers);
-    show_state(view->node, samples, count, registers);
+    show_sample(view->node, registers);
     show_counters(view->node, registers);
     show_estimate(view->node, registers);
-    show_history(view->node, samples, count, registers);
     view->sequence++;
     registers[AXT_REGISTER_SEQUENCE] = view->sequence;
     registers[AXT_REGISTER_SEQUENCE_END] = view->sequence;
-    registers[AXT_REGISTER_HISTORY_SEQUENCE] = view->sequence;
 }
 
 static axt_node_result set_history(axt_node *node, uint32_t decimation) {
@@ -157,5 +135,6 @@ static axt_modbus_exception command(void *context, uint16_t code, uint32_t argum
 
 axt_registers_port axt_registers_node_port(axt_registers_node *view, axt_node *node) {
     *view = (axt_registers_node){.node = node};
-    return (axt_registers_port){.context = view, .snapshot = snapshot, .command = command};
+    return (axt_registers_port){
+        .history = &node->history, .context = view, .snapshot = snapshot, .command = command};
 }

@@ -416,7 +416,8 @@ static axt_status check_config(const axt_node_config *config) {
     }
     const bool ring = config->ring_size >= 2 && (config->ring_size & (config->ring_size - 1)) == 0;
     const bool trace = config->trace_size >= 1 && config->trace_size <= AXT_NODE_TRACE_MAX;
-    if (!ring || !trace || config->table_size < config->excitation.length) {
+    const bool history = (config->history_size & (config->history_size - 1)) == 0;
+    if (!ring || !trace || !history || config->table_size < config->excitation.length) {
         return AXT_ERROR_SIZE;
     }
     return axt_schroeder_check(&config->excitation);
@@ -438,7 +439,8 @@ axt_status axt_node_init(axt_node *node, const axt_node_config *config, const ax
     node->excitation = config->excitation;
     node->trigger = (axt_trace_settings){.decimation = 1};
     node->heartbeat_due = true;
-    axt_history_init(&node->history, config->stream_decimation);
+    axt_history_init(&node->history, config->history, config->history_size,
+                     config->stream_decimation);
     node->group = 1;
     node->stream_group = 1;
 

@@ -118,6 +118,8 @@ typedef struct {
     uint32_t trace_size;          /* 1 .. AXT_NODE_TRACE_MAX */
     axt_node_stream_sample *ring; /* streamed samples on their way to the bus */
     uint32_t ring_size;           /* a power of two, 2 or more; 8 or more to stream on CAN FD */
+    axt_history_slot *history;    /* newest samples for a host that asks (Modbus) */
+    uint32_t history_size;        /* a power of two; 0: none are kept */
 } axt_node_config;
 
 /* What the background asks of the tick. */

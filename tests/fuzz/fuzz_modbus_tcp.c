@@ -34,7 +34,8 @@ static void *run_node(void *context) {
 static void start(void) {
     pthread_t thread;
     r = rig_running();
-    if (axt_modbus_server_open_tcp(&server, NULL, 0, RIG_ID) != AXT_MODBUS_SERVER_OK ||
+    if (axt_modbus_server_open_tcp(&server, &r->node.history, NULL, 0, RIG_ID) !=
+            AXT_MODBUS_SERVER_OK ||
         pthread_create(&thread, NULL, run_node, NULL) != 0) {
         abort();
     }

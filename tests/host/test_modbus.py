@@ -229,13 +229,13 @@ def test_values_of_one_answer_are_of_one_moment(emulator: Server) -> None:
                 f">{history.size}H", client.ask(read_pdu(history.address, history.size))[2:]
             )
             past = history.decode(words)
-            newest, step = past["HistoryCounter"], past["HistoryDecimation"]
-            assert isinstance(newest, int)
+            first, step = past["HistoryCounter"], past["HistoryDecimation"]
+            assert isinstance(first, int)
             assert isinstance(step, int)
             columns = [past[f"History{n}"] for n in ("MotorPosition", "TablePosition", "Torque")]
             for i, sample in enumerate(zip(*columns, strict=True)):
                 if i < int(str(past["HistoryCount"])):
-                    assert seen.setdefault(newest - i * step, sample) == sample
+                    assert seen.setdefault(first + i * step, sample) == sample
             at = now["SampleCounter"]
             assert isinstance(at, int)
             if at in seen:
@@ -285,11 +285,11 @@ def test_a_log_says_which_samples_the_line_was_too_slow_for(
 ) -> None:
     """Asked for more than fits: what is missing is known by the counter, and listed."""
     file, summary = tmp_path / "fast.csv", tmp_path / "fast.json"
-    # Half of the history's reads are held back, so that samples are lost on any machine.
+    # One answer is held back for longer than the node keeps samples.
     with socket.create_server(("127.0.0.1", 0)) as listener:
         threading.Thread(target=slow_gateway, args=(listener, emulator.port), daemon=True).start()
         channel = f"tcp:127.0.0.1:{listener.getsockname()[1]}"
-        arguments = ("-c", channel, "--rate", "1000", "--duration", "2")
+        arguments = ("-c", channel, "--rate", "4000", "--duration", "3", "--timeout", "20")
         status, _, messages = cli("log", *arguments, "-f", str(file), "--json", str(summary))
     told = json.loads(summary.read_text())
     assert status == 0, messages
@@ -300,7 +300,7 @@ def test_a_log_says_which_samples_the_line_was_too_slow_for(
 
 
 def slow_gateway(listener: socket.socket, port: int) -> None:
-    """Passes requests on; every third answer comes 25 ms late: the history holds 19 ms."""
+    """Passes requests on; one answer comes 1.5 s late: the node keeps 4096 samples."""
     client, _ = listener.accept()
     with client, Raw(port) as onward:
         for count in range(10**6):
@@ -309,8 +309,8 @@ def slow_gateway(listener: socket.socket, port: int) -> None:
                 return
             onward.send(lump)
             answer = onward.receive()
-            if count % 3 == 0:
-                time.sleep(0.025)
+            if count == 60:
+                time.sleep(1.5)
             with contextlib.suppress(OSError):
                 client.sendall(lump[:4] + struct.pack(">H", len(answer)) + answer)
 

@@ -19,6 +19,7 @@ enum {
     RIG_TABLE = 512,
     RIG_TRACE = 600,
     RIG_RING = 64,
+    RIG_HISTORY = 64,
     RIG_SENT = 200000,
     RIG_COMMANDS = 64,
     RIG_LOG = 100000
@@ -55,6 +56,7 @@ typedef struct {
     axt_real table[RIG_TABLE];
     axt_node_sample trace[RIG_TRACE];
     axt_node_stream_sample ring[RIG_RING];
+    axt_history_slot history[RIG_HISTORY];
 } rig;
 
 static inline axt_can_status rig_send(axt_can *can, const axt_can_frame *frame) {
@@ -138,6 +140,8 @@ static inline rig *rig_new(void) {
         .trace_size = RIG_TRACE,
         .ring = r->ring,
         .ring_size = RIG_RING,
+        .history = r->history,
+        .history_size = RIG_HISTORY,
     };
     return r;
 }

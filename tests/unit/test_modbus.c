@@ -7,6 +7,9 @@
 
 enum { NOW = 1000000, SILENCE = 2000 }; /* [us] */
 
+enum { ARGUMENT = AXT_REGISTER_ARGUMENT & 0xFF, KEY = AXT_REGISTER_WRITE_KEY & 0xFF };
+_Static_assert(AXT_REGISTER_WRITABLE_FIRST >> 8 == 1, "requests below have 1 for the high byte");
+
 typedef struct {
     rig *r;
     axt_registers_node view;
@@ -71,7 +74,7 @@ static void unlock(bench *b) {
 /* Argument and code in one request of function 16. */
 static axt_modbus_exception command(bench *b, uint16_t code, uint32_t argument) {
     rig_run(b->r, 2); /* whatever was ordered before has been taken */
-    return ASK(b, 16, 1, 1, 0, 3, 6, (uint8_t)(argument >> 24), (uint8_t)(argument >> 16),
+    return ASK(b, 16, 1, ARGUMENT, 0, 3, 6, (uint8_t)(argument >> 24), (uint8_t)(argument >> 16),
                (uint8_t)(argument >> 8), (uint8_t)argument, (uint8_t)(code >> 8), (uint8_t)code);
 }
 
@@ -117,15 +120,16 @@ CASE(counts_and_lengths_that_cannot_be_are_refused) {
     CHECK_EQUAL(ASK(b, 3, 0, 0, 0), value);
     CHECK_EQUAL(ASK(b, 3), value);
     CHECK_EQUAL(ASK(b, 3, 0, 0, 0, 1, 0), value);
-    CHECK_EQUAL(ASK(b, 6, 1, 0, 0), value);
-    CHECK_EQUAL(ASK(b, 6, 1, 0, 0, 0, 0), value);
-    CHECK_EQUAL(ASK(b, 16, 1, 1, 0, 0, 0), value);
-    CHECK_EQUAL(ASK(b, 16, 1, 1, 0, 1, 4, 0, 0), value);    /* byte count of two registers */
-    CHECK_EQUAL(ASK(b, 16, 1, 1, 0, 2, 4, 0, 0), value);    /* values of one */
-    CHECK_EQUAL(ASK(b, 16, 1, 1, 0, 1, 2, 0, 0, 0), value); /* a byte too many */
-    CHECK_EQUAL(ASK(b, 16, 1, 1, 1, 1, 2, 0, 0), value); /* 257 registers: 2 x 257 is 2 mod 256 */
-    CHECK_EQUAL(ASK(b, 23, 0, 0, 0, 1, 1, 1, 0, 1, 2, 0), value);
-    CHECK_EQUAL(ASK(b, 23, 0, 0, 0, 126, 1, 1, 0, 1, 2, 0, 0), value);
+    CHECK_EQUAL(ASK(b, 6, 1, KEY, 0), value);
+    CHECK_EQUAL(ASK(b, 6, 1, KEY, 0, 0, 0), value);
+    CHECK_EQUAL(ASK(b, 16, 1, ARGUMENT, 0, 0, 0), value);
+    CHECK_EQUAL(ASK(b, 16, 1, ARGUMENT, 0, 1, 4, 0, 0), value);    /* byte count of two registers */
+    CHECK_EQUAL(ASK(b, 16, 1, ARGUMENT, 0, 2, 4, 0, 0), value);    /* values of one */
+    CHECK_EQUAL(ASK(b, 16, 1, ARGUMENT, 0, 1, 2, 0, 0, 0), value); /* a byte too many */
+    CHECK_EQUAL(ASK(b, 16, 1, ARGUMENT, 1, 1, 2, 0, 0),
+                value); /* 257 registers: 2 x 257 is 2 mod 256 */
+    CHECK_EQUAL(ASK(b, 23, 0, 0, 0, 1, 1, ARGUMENT, 0, 1, 2, 0), value);
+    CHECK_EQUAL(ASK(b, 23, 0, 0, 0, 126, 1, ARGUMENT, 0, 1, 2, 0, 0), value);
     for (uint32_t function = 0; function < 128; function++) {
         const bool known =
             function == 3 || function == 4 || function == 6 || function == 16 || function == 23;
@@ -167,38 +171,94 @@ CASE(an_answer_shows_one_moment) {
     bench_end(b);
 }
 
+static uint32_t uint32_in(const uint16_t *registers, uint32_t address) {
+    return (uint32_t)registers[address] << 16 | registers[address + 1];
+}
+
+/* Are these the samples that the axis has logged, `decimation` apart? */
+static void check_history(const bench *b, uint32_t count, uint32_t decimation) {
+    const uint16_t *r = b->registers;
+    CHECK_EQUAL(r[AXT_REGISTER_HISTORY_COUNT], count);
+    CHECK_EQUAL(uint32_in(r, AXT_REGISTER_HISTORY_DECIMATION), decimation);
+    const uint32_t first = uint32_in(r, AXT_REGISTER_HISTORY_COUNTER);
+    for (uint32_t i = 0; i < count; i++) {
+        const rig_period_log *was = &b->r->log[first + decimation * i];
+        CHECK_EQUAL((int32_t)uint32_in(r, AXT_REGISTER_HISTORY_MOTOR_POSITION + 2 * i),
+                    was->position[0]);
+        CHECK_EQUAL((int32_t)uint32_in(r, AXT_REGISTER_HISTORY_TABLE_POSITION + 2 * i),
+                    was->position[1]);
+        CHECK_NEAR((int16_t)r[AXT_REGISTER_HISTORY_TORQUE + i] * 0.64e-4, (double)was->torque,
+                   1e-7);
+    }
+}
+
+/* Writes HistoryFrom and reads the block, with one request: control period of the first sample. */
+static uint32_t read_history(bench *b, uint32_t from) {
+    CHECK_EQUAL(ASK(b, 23, 0, AXT_REGISTER_HISTORY_COUNT, 0, 119, 1, 0, 0, 2, 4,
+                    (uint8_t)(from >> 24), (uint8_t)(from >> 16), (uint8_t)(from >> 8),
+                    (uint8_t)from),
+                AXT_MODBUS_OK);
+    return uint32_in(b->registers, AXT_REGISTER_HISTORY_COUNTER);
+}
+
 CASE(the_history_has_every_sample_for_whoever_reads_it_in_time) {
     bench *b = bench_new();
     unlock(b);
     rig_enable(b->r);
     CHECK_EQUAL(rig_tell(b->r, AXT_CONTRACT_COMMAND_CODE_EXCITATION_ON_CHOICE, 0), 0);
     CHECK_EQUAL(command(b, AXT_REGISTERS_HISTORY_COMMAND, 3), AXT_MODBUS_OK);
-    rig_run(b->r, 60);
-    uint32_t expected = 0;
-    for (uint32_t read = 0; read < 20; read++) {
-        CHECK_EQUAL(ASK(b, 3, 0, AXT_REGISTER_HISTORY_SEQUENCE, 0, 120), AXT_MODBUS_OK);
-        const uint16_t *r = b->registers;
-        CHECK_EQUAL(r[AXT_REGISTER_HISTORY_COUNT], 19);
-        CHECK_EQUAL(r[AXT_REGISTER_HISTORY_DECIMATION + 1], 3);
-        const uint32_t newest =
-            (uint32_t)r[AXT_REGISTER_HISTORY_COUNTER] << 16 | r[AXT_REGISTER_HISTORY_COUNTER + 1];
-        CHECK(read == 0 || newest == expected);
-        for (uint32_t i = 0; i < 19; i++) {
-            const uint32_t motor = (uint32_t)r[AXT_REGISTER_HISTORY_MOTOR_POSITION + 2 * i] << 16 |
-                                   r[AXT_REGISTER_HISTORY_MOTOR_POSITION + 2 * i + 1];
-            const uint32_t table = (uint32_t)r[AXT_REGISTER_HISTORY_TABLE_POSITION + 2 * i] << 16 |
-                                   r[AXT_REGISTER_HISTORY_TABLE_POSITION + 2 * i + 1];
-            const rig_period_log *was = &b->r->log[newest - 3 * i];
-            CHECK_EQUAL((int32_t)motor, was->position[0]);
-            CHECK_EQUAL((int32_t)table, was->position[1]);
-            CHECK_NEAR((int16_t)r[AXT_REGISTER_HISTORY_TORQUE + i] * 0.64e-4, (double)was->torque,
-                       1e-7);
-        }
-        rig_run(b->r, 3 * 19);
-        expected = newest + 3 * 19;
+    rig_run(b->r, 3 * RIG_HISTORY);
+    uint32_t first = read_history(b, 0); /* the newest */
+    check_history(b, 19, 3);
+    CHECK(b->r->log_count - (first + 3 * 18) <= 3);
+    for (uint32_t read = 0; read < 100; read++) { /* now more come, now fewer, than are read */
+        rig_run(b->r, (read % 10 < 5) ? 3 * 25 : 3 * 13);
+        const uint32_t next = read_history(b, first + 3 * 19);
+        CHECK_EQUAL(next, first + 3 * 19);
+        check_history(b, 19, 3);
+        first = next;
     }
+    /* not there yet, and not there any more: the counter says so */
+    (void)read_history(b, first + 3 * 100);
+    check_history(b, 0, 3);
+    rig_run(b->r, 3 * 2 * RIG_HISTORY);
+    const uint32_t newest = read_history(b, 0) + 3 * 18;
+    CHECK_EQUAL(read_history(b, first), newest - 3 * (RIG_HISTORY - 2));
+    check_history(b, 19, 3);
+    bench_end(b);
+}
+
+CASE(the_history_goes_on_at_another_distance) {
+    bench *b = bench_new();
+    unlock(b);
+    rig_run(b->r, 10 * 30);
+    CHECK_EQUAL(command(b, AXT_REGISTERS_HISTORY_COMMAND, 4), AXT_MODBUS_OK);
+    rig_run(b->r, 4 * 5);
+    (void)read_history(b, 0);
+    check_history(b, b->registers[AXT_REGISTER_HISTORY_COUNT], 4);
+    CHECK(b->registers[AXT_REGISTER_HISTORY_COUNT] >= 5);
+    const uint32_t first = read_history(b, 10 * 25); /* from before the change: up to it */
+    CHECK_EQUAL(first, 10 * 25);
+    check_history(b, b->registers[AXT_REGISTER_HISTORY_COUNT], 10);
     CHECK_EQUAL(command(b, AXT_REGISTERS_HISTORY_COMMAND, 0), AXT_MODBUS_ILLEGAL_VALUE);
     CHECK_EQUAL(read_uint16(b, AXT_REGISTER_RESULT), AXT_NODE_OUT_OF_RANGE);
+    /* half of HistoryFrom, or more than it: nothing */
+    CHECK_EQUAL(write_one(b, AXT_REGISTER_HISTORY_FROM, 1), AXT_MODBUS_ILLEGAL_ADDRESS);
+    CHECK_EQUAL(ASK(b, 16, 1, 0, 0, 3, 6, 0, 0, 0, 0, 0, 0), AXT_MODBUS_ILLEGAL_ADDRESS);
+    bench_end(b);
+}
+
+CASE(a_node_that_keeps_no_history_shows_none) {
+    bench *b = bench_new();
+    free(b->r);
+    b->r = rig_new();
+    b->r->config.history_size = 0;
+    CHECK_EQUAL(rig_start(b->r), AXT_OK);
+    b->port = axt_registers_node_port(&b->view, &b->r->node);
+    rig_run(b->r, 100);
+    (void)read_history(b, 0);
+    check_history(b, 0, 10);
+    CHECK_EQUAL(read_uint32(b, AXT_REGISTER_SAMPLE_COUNTER), 0);
     bench_end(b);
 }
 
@@ -214,7 +274,7 @@ CASE(nothing_is_commanded_before_both_keys_or_after_ten_seconds) {
     CHECK_EQUAL(write_one(b, key, 0x5457), AXT_MODBUS_OK);
     CHECK_EQUAL(command(b, on, 0), AXT_MODBUS_ILLEGAL_ADDRESS);
     /* both at once, key and command at once: neither */
-    CHECK_EQUAL(ASK(b, 16, 1, 0, 0, 2, 4, 0x41, 0x58, 0x54, 0x57), AXT_MODBUS_ILLEGAL_ADDRESS);
+    CHECK_EQUAL(ASK(b, 16, 1, KEY, 0, 2, 4, 0x41, 0x58, 0x54, 0x57), AXT_MODBUS_ILLEGAL_ADDRESS);
     CHECK(!b->r->node.streaming);
     unlock(b);
     CHECK_EQUAL(command(b, on, 0), AXT_MODBUS_OK);
@@ -258,7 +318,7 @@ CASE(function_23_writes_first_and_reads_what_came_of_it) {
     unlock(b);
     rig_run(b->r, 2);
     /* argument 7, code ExcitationSeed, and back come argument, code, result, enabled */
-    CHECK_EQUAL(ASK(b, 23, 1, 1, 0, 5, 1, 1, 0, 3, 6, 0, 0, 0, 7, 0,
+    CHECK_EQUAL(ASK(b, 23, 1, ARGUMENT, 0, 5, 1, ARGUMENT, 0, 3, 6, 0, 0, 0, 7, 0,
                     AXT_CONTRACT_COMMAND_CODE_EXCITATION_SEED_CHOICE),
                 AXT_MODBUS_OK);
     const uint8_t expected[] = {
@@ -378,9 +438,10 @@ static uint32_t tell(bench *b, uint8_t unit, const uint8_t *pdu, uint32_t length
 
 CASE(other_units_and_answers_are_passed_over_and_broadcasts_not_answered) {
     bench *b = bench_new();
-    const uint8_t first[] = {6, 1, 0, 0x41, 0x58};
-    const uint8_t second[] = {6, 1, 0, 0x54, 0x57};
-    const uint8_t start[] = {6, 1, 3, 0, AXT_CONTRACT_COMMAND_CODE_STREAM_START_CHOICE};
+    const uint8_t first[] = {6, 1, KEY, 0x41, 0x58};
+    const uint8_t second[] = {6, 1, KEY, 0x54, 0x57};
+    const uint8_t start[] = {6, 1, AXT_REGISTER_CODE & 0xFF, 0,
+                             AXT_CONTRACT_COMMAND_CODE_STREAM_START_CHOICE};
     CHECK_EQUAL(tell(b, RIG_ID + 1, first, 5), 0);
     CHECK_EQUAL(b->rtu.client.lock, AXT_REGISTERS_LOCKED);
     CHECK_EQUAL(tell(b, RIG_ID, (const uint8_t[]){0x83, 2}, 2), 0);
@@ -412,6 +473,8 @@ int main(void) {
     RUN(counts_and_lengths_that_cannot_be_are_refused);
     RUN(an_answer_shows_one_moment);
     RUN(the_history_has_every_sample_for_whoever_reads_it_in_time);
+    RUN(the_history_goes_on_at_another_distance);
+    RUN(a_node_that_keeps_no_history_shows_none);
     RUN(nothing_is_commanded_before_both_keys_or_after_ten_seconds);
     RUN(a_command_that_is_refused_says_why);
     RUN(function_23_writes_first_and_reads_what_came_of_it);

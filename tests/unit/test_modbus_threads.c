@@ -42,35 +42,45 @@ static void *tick(void *history) {
     return NULL;
 }
 
+/* Samples that are not what they were, or not evenly spaced. */
+static uint32_t torn(const axt_history_sample *samples, uint32_t count) {
+    uint32_t found = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const axt_history_sample expected = sample_at(samples[i].n);
+        found += same(&samples[i], &expected) ? 0 : 1;
+        found += (i > 1 && samples[i].n - samples[i - 1].n != samples[1].n - samples[0].n) ? 1 : 0;
+    }
+    return found;
+}
+
 CASE(samples_of_the_history_are_whole_and_evenly_spaced) {
     static axt_history history;
+    static axt_history_slot slots[32];
     static axt_history_sample samples[MOST];
     pthread_t thread;
-    uint32_t torn = 0;
+    uint32_t wrong = 0;
     uint32_t found = 0;
-    uint32_t newest = 0;
+    uint32_t next = 0;
     done = false;
-    axt_history_init(&history, 1);
+    axt_history_init(&history, slots, 32, 1);
     CHECK_EQUAL(pthread_create(&thread, NULL, tick, &history), 0);
-    while (axt_history_read(&history, samples, MOST) < MOST) {
+    while (axt_history_newest(&history, samples, MOST) < MOST) {
         nap();
     }
     for (uint32_t read = 0; read < READS; read++) {
         axt_history_set_decimation(&history, 1 + read / 1000 % 3);
-        const uint32_t count = axt_history_read(&history, samples, MOST);
-        found += (count > 1) ? 1 : 0;
-        for (uint32_t i = 0; i < count; i++) {
-            const axt_history_sample expected = sample_at(samples[i].n);
-            torn += same(&samples[i], &expected) ? 0 : 1;
-            torn +=
-                (i > 1 && samples[i - 1].n - samples[i].n != samples[0].n - samples[1].n) ? 1 : 0;
+        wrong += torn(samples, axt_history_newest(&history, samples, MOST));
+        const uint32_t count = axt_history_from(&history, next, samples, MOST);
+        wrong += torn(samples, count);
+        if (count > 0) {
+            wrong += (samples[0].n < next) ? 1 : 0;
+            next = samples[count - 1].n + 1;
+            found++;
         }
-        torn += (count > 0 && samples[0].n < newest) ? 1 : 0;
-        newest = (count > 0) ? samples[0].n : newest;
     }
     done = true;
     CHECK_EQUAL(pthread_join(thread, NULL), 0);
-    CHECK_EQUAL(torn, 0);
+    CHECK_EQUAL(wrong, 0);
     CHECK(found > 0);
 }
 
@@ -121,7 +131,7 @@ CASE(snapshots_and_commands_pass_whole_between_threads) {
     uint32_t sum = 0;
     c.port = (axt_registers_port){.context = &c, .snapshot = show, .command = add};
     done = false;
-    axt_register_exchange_init(&c.exchange);
+    axt_register_exchange_init(&c.exchange, NULL);
     axt_register_exchange_run(&c.exchange, &c.port);
     const axt_registers_port server = axt_register_exchange_port(&c.exchange);
     CHECK_EQUAL(pthread_create(&thread, NULL, run_node, &c), 0);
@@ -148,7 +158,7 @@ CASE(snapshots_and_commands_pass_whole_between_threads) {
 CASE(a_command_that_nobody_comes_for_is_taken_back) {
     static counting c;
     c.port = (axt_registers_port){.context = &c, .snapshot = show, .command = add};
-    axt_register_exchange_init(&c.exchange);
+    axt_register_exchange_init(&c.exchange, NULL);
     const axt_registers_port server = axt_register_exchange_port(&c.exchange);
     uint16_t result = 0;
     CHECK_EQUAL(server.command(server.context, 1, 1, &result), AXT_MODBUS_BUSY);

@@ -69,6 +69,9 @@ _WRAP = 1 << 32
 # A node that is off by more than this share does not run in real time.
 _DRIFT_MAX = 1e-3
 
+# What was read may be older by this [s] than the time at which it was asked for.
+_LATE_MAX = 0.25
+
 Tell = Callable[[str], None]
 
 
@@ -200,6 +203,21 @@ class Client:
         )
         return wanted.decode(answer.registers)
 
+    def read_history(self, start: int) -> dict[str, Value]:
+        """Block History from control period ``start`` on (modulo 2^32), 0: the newest samples."""
+        wanted = self._table.blocks["History"]
+        answer = self._ask(
+            lambda: self._line.readwrite_registers(
+                read_address=wanted.address,
+                read_count=wanted.size,
+                write_address=self._table.registers["HistoryFrom"].address,
+                values=[start >> 16, start & 0xFFFF],
+                device_id=self.id,
+            ),
+            "reading History",
+        )
+        return wanted.decode(answer.registers)
+
     def command(self, name: str, argument: float = 0) -> None:
         """Has the node carry out a command: of the CAN contract, or HISTORY_DECIMATION.
 
@@ -226,12 +244,12 @@ class Client:
 
         Raises as command().
         """
-        if self.read("History")["HistoryDecimation"] == decimation:
+        if self.read_history(0)["HistoryDecimation"] == decimation:
             return
         self.command(HISTORY_DECIMATION, decimation)
         period = cast(float, self.read("Identity")["ControlPeriod"])
         deadline = time.monotonic() + _ANSWER_MAX + 2.0 * decimation * period
-        while self.read("History")["HistoryDecimation"] != decimation:
+        while self.read_history(0)["HistoryDecimation"] != decimation:
             if time.monotonic() > deadline:
                 raise NoAnswerError(f"node {self.id} does not keep its history at another rate")
 
@@ -270,7 +288,7 @@ class Client:
         for key in _KEYS:
             write = functools.partial(self._line.write_register, address, key, device_id=self.id)
             self._ask(write, "writing WriteKey")
-        self._enabled = bool(self.read("Command")["WriteEnabled"])
+        self._enabled = bool(self.read("Client")["WriteEnabled"])
 
     def _encode(self, name: str, argument: float) -> tuple[int, int]:
         """Code and the bits of the argument."""
@@ -296,7 +314,7 @@ class Client:
             raise NoAnswerError(f"node {self.id} does not answer on {self._name}") from error
 
     def _refusal(self, answer: ModbusPDU) -> str:
-        result = self.read("Command")["Result"]
+        result = self.read("Client")["Result"]
         known = _RESULTS.get(cast(int, result))
         return known or _EXCEPTIONS.get(answer.exception_code, f"result {result}")
 
@@ -312,24 +330,47 @@ class HistoryLog:
         self.lost = 0
         self.samples = 0
         self._identity = identity
+        self._period = cast(float, identity["ControlPeriod"])
         self._parts: list[_Part] = []
+        self._goes_on = False
 
-    def take(self, at: float, history: dict[str, Value]) -> None:
-        """What was read of block History at the host's time ``at`` [s]."""
+    @property
+    def next(self) -> int:
+        """What to read the history from: the control period of the sample after the last."""
+        return self._parts[-1].next if self._goes_on else 0
+
+    def take(self, at: float, history: dict[str, Value]) -> int:
+        """What was read of the history from ``next`` on, at the host's time ``at`` [s].
+
+        Returns how many samples that were.
+        """
         numbers = cast(dict[str, int], history)
-        count, newest = numbers["HistoryCount"], numbers["HistoryCounter"]
-        decimation = numbers["HistoryDecimation"]
+        count, decimation = numbers["HistoryCount"], numbers["HistoryDecimation"]
         if count < 1:
+            return 0
+        first = numbers["HistoryCounter"]
+        if not (self._goes_on and self._parts[-1].follows(first, decimation)):
+            self._parts.append(_Part(decimation, first))
+            self._goes_on = True
+        self.lost += self._parts[-1].take(at, history)
+        self.samples += count
+        return count
+
+    def watch(self, at: float, newest: dict[str, Value]) -> None:
+        """Has the node started afresh? Where nothing came, or after it was away.
+
+        ``newest`` was read of its history from 0 on, at ``at`` [s]. A node that has gone on has
+        counted as many control periods as there was time; one that has not is behind.
+        """
+        numbers = cast(dict[str, int], newest)
+        if not self._goes_on or numbers["HistoryCount"] < 1:
             return
-        part = self._parts[-1] if self._parts else None
-        if part is None or not part.follows(newest, decimation):
-            part = _Part(decimation, newest, count)
-            self._parts.append(part)
-        ahead = part.ahead(newest) // decimation
-        new = min(ahead, count)
-        self.lost += ahead - new
-        self.samples += new
-        part.take(at, newest, new, history)
+        reach = (numbers["HistoryCount"] - 1) * numbers["HistoryDecimation"]
+        passed = (at - self._parts[-1].at) / self._period
+        behind = round(self._parts[-1].next + passed) - numbers["HistoryCounter"] - reach
+        behind = (behind + _WRAP // 2) % _WRAP - _WRAP // 2
+        slack = _LATE_MAX / self._period + _DRIFT_MAX * passed + numbers["HistoryDecimation"]
+        self._goes_on = behind <= slack
 
     def record(self, source: str, meta: dict[str, Any]) -> Record:
         """The record of the longest part. Raises NotEnoughDataError."""
@@ -349,40 +390,41 @@ class HistoryLog:
 class _Part:
     """Samples that were counted in one go, ``decimation`` control periods apart."""
 
-    def __init__(self, decimation: int, newest: int, count: int) -> None:
+    def __init__(self, decimation: int, first: int) -> None:
         self.decimation = decimation
         self.samples = 0
-        self._first = newest - decimation * (count - 1)
-        self._last = self._first - decimation  # unwrapped
+        self.next = first
+        self.at = 0.0  # when the last sample was read [s]
+        self._place = 0  # of the next sample
         self._times: list[tuple[float, int]] = []
         self._places: list[Indices] = []
         self._columns: dict[str, list[Indices]] = {"Torque": [], "Motor": [], "Table": []}
 
-    def ahead(self, newest: int) -> int:
-        """Control periods from the last sample to this one, 32-bit counters apart."""
-        return (newest - self._last + _WRAP // 2) % _WRAP - _WRAP // 2
+    def follows(self, first: int, decimation: int) -> bool:
+        """Can this be a sample of the same history, that comes after what was taken?"""
+        ahead = (first - self.next) % _WRAP
+        return decimation == self.decimation and ahead < _WRAP // 2 and ahead % decimation == 0
 
-    def follows(self, newest: int, decimation: int) -> bool:
-        """Can this be the newest sample of the same history?"""
-        ahead = self.ahead(newest)
-        return decimation == self.decimation and ahead >= 0 and ahead % decimation == 0
-
-    def take(self, at: float, newest: int, new: int, history: dict[str, Value]) -> None:
-        """The ``new`` newest samples of what was read."""
-        if new == 0:
-            return
-        self._last += self.ahead(newest)
-        last = (self._last - self._first) // self.decimation
-        self._times.append((at, last))
-        self._places.append(np.arange(last - new + 1, last + 1))
+    def take(self, at: float, history: dict[str, Value]) -> int:
+        """Takes samples that follow; returns how many before them are missing."""
+        numbers = cast(dict[str, int], history)
+        count, first = numbers["HistoryCount"], numbers["HistoryCounter"]
+        missing = (first - self.next) % _WRAP // self.decimation
+        place = self._place + missing
+        self.at = at
+        self._times.append((at, place + count - 1))
+        self._places.append(np.arange(place, place + count))
         for name, register in (
             ("Torque", "HistoryTorque"),
             ("Motor", "HistoryMotorPosition"),
             ("Table", "HistoryTablePosition"),
         ):
-            values = cast(tuple[int, ...], history[register])[:new]
-            self._columns[name].append(np.array(values[::-1], np.int64))
-        self.samples += new
+            values = cast(tuple[int, ...], history[register])
+            self._columns[name].append(np.array(values[:count], np.int64))
+        self._place = place + count
+        self.next = (first + count * self.decimation) % _WRAP
+        self.samples += count
+        return missing
 
     def record(
         self,

@@ -108,7 +108,7 @@ def _log(
     if arguments.duration is not None and not arguments.duration > 0.0:
         raise InputError(f"--duration has to be a positive time, not {arguments.duration}")
     path = Path(arguments.file or f"axistwin-{datetime.now():%Y%m%d-%H%M%S}.csv")
-    found = client.read("History")["HistoryDecimation"]
+    found = client.read_history(0)["HistoryDecimation"]
     assert isinstance(found, int)
     decimation = _decimation(arguments.rate, identity) or found
     client.keep_history(decimation)
@@ -169,9 +169,8 @@ class _Log:
         self._client = client
         self._terminal = terminal
         self._begin = time.monotonic()
-        # Twice as often as the history has gone round.
-        length = load_table().registers["HistoryTorque"].length
-        self._interval = 0.5 * length * decimation * period
+        self._length = load_table().registers["HistoryTorque"].length
+        self._interval = self._length * decimation * period
         self._decimation = decimation
 
     def elapsed(self) -> float:
@@ -189,17 +188,19 @@ class _Log:
     def poll(self, arguments: argparse.Namespace) -> None:
         """Reads until the time is over; a node that has gone is waited for."""
         end = self._begin + (arguments.duration or float("inf"))
-        due = time.monotonic()
         while (now := time.monotonic()) < end:
+            taken = 0
             try:
-                self.history.take(now, self._client.read("History"))
+                taken = self.history.take(now, self._client.read_history(self.history.next))
                 self.reads += 1
+                if taken == 0:
+                    self.history.watch(now, self._client.read_history(0))
             except BusError as error:
                 self._resume(error, arguments.wait)
             if self._terminal.due():
                 self._terminal.live(self.status())
-            due = max(due + self._interval, time.monotonic())
-            time.sleep(max(0.0, min(due, end) - time.monotonic()))
+            if taken < self._length:  # else there is more already
+                time.sleep(max(0.0, min(self._interval, end - time.monotonic())))
 
     def _resume(self, reason: BusError, wait: float) -> None:
         """Waits for the node to come back. Raises BusError when it does not."""
@@ -208,6 +209,7 @@ class _Log:
         try:
             self._client.connect(wait, lambda _: None)
             self._client.keep_history(self._decimation)
+            self.history.watch(time.monotonic(), self._client.read_history(0))
         except ContractError:
             raise
         except BusError as error:
