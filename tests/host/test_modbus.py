@@ -23,8 +23,10 @@ from hypothesis import strategies as st
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
 from axistwin.cli import main
+from axistwin.errors import NotEnoughDataError
+from axistwin.modbus import HistoryLog
 from axistwin.readers import read_record
-from axistwin.registers import load_table
+from axistwin.registers import Value, load_table
 
 from .modbus_rig import (
     PORTABLE,
@@ -326,6 +328,101 @@ def test_a_node_that_goes_away_leaves_a_record_and_a_word(
     assert status == 3
     assert "has not come back" in messages
     assert len(read_record(file)) > 100
+
+
+def test_a_node_that_starts_afresh_is_noticed(cli: Cli, tmp_path: Path) -> None:
+    file = tmp_path / "afresh.csv"
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        port = probe.getsockname()[1]
+    command = (SANITIZED, "--modbus", f"tcp:{port}", "--excite")
+    with contextlib.ExitStack() as stack:
+        first = stack.enter_context(server(*command))
+
+        def restart() -> None:
+            first.process.kill()
+            first.process.wait()
+            stack.enter_context(server(*command))
+
+        disturbance = threading.Timer(1.0, restart)
+        disturbance.start()
+        arguments = ("--duration", "3", "--wait", "20", "-f", str(file))
+        status, _, messages = cli("log", *tcp(first), *arguments)
+        disturbance.join()
+    assert status == 3, messages
+    assert "is back: gap from" in messages
+    assert "the history starts afresh 1 times" in messages
+    record = read_record(file)
+    assert len(record) > 100
+    assert len(record.missing) == 0
+
+
+IDENTITY: dict[str, Value] = {
+    "NodeId": 1,
+    "ControlPeriod": 1e-3,
+    "RatedTorque": 1000,
+    "MotorResolution": 1000,
+    "TableResolution": 0,
+}
+
+
+def history_of(first: int, count: int, decimation: int) -> dict[str, Value]:
+    """What a node shows whose motor is at 2^26 counts times the control period, counted on."""
+    n = first + decimation * np.arange(19)
+    position = (n << 26).astype(np.int32)
+    return {
+        "HistoryCount": count,
+        "HistoryDecimation": decimation,
+        "HistoryCounter": first % 2**32,
+        "HistoryMotorPosition": tuple(position.tolist()),
+        "HistoryTablePosition": (0,) * 19,
+        "HistoryTorque": tuple((n % 7).tolist()),
+        "HistoryStatusWord": (0,) * 19,
+    }
+
+
+@given(
+    st.integers(1, 3),
+    st.integers(2**32 - 3000, 2**32 - 1),
+    st.lists(st.tuples(st.integers(1, 19), st.integers(0, 5)), min_size=20, max_size=40),
+)
+def test_counters_and_positions_may_wrap_around(
+    decimation: int, start: int, lumps: list[tuple[int, int]]
+) -> None:
+    """Whatever is missing between the lumps that come: the record is the motion, counted on."""
+    log, n = HistoryLog(IDENTITY), start
+    assert log.next == 0
+    for count, missing in lumps:
+        log.take(n * 1e-3, history_of(n, count, decimation))
+        n += decimation * count
+        assert log.next == n % 2**32
+        n += decimation * missing
+    n -= decimation * lumps[-1][1]
+    total = (n - start) // decimation
+    assert log.samples == sum(count for count, _ in lumps)
+    assert log.samples + log.lost == total
+    if 2 * log.samples < total:
+        with pytest.raises(NotEnoughDataError):
+            log.record("here", {})
+        return
+    record = log.record("here", {})
+    assert len(record) == total
+    assert len(record.missing) == log.lost
+    counts = (decimation * np.arange(total)) * 2**26
+    turns = (record.theta1 - record.theta1[0]) / (2.0 * np.pi)
+    assert np.allclose(turns, counts / 1000.0, rtol=1e-9)
+    there = np.setdiff1d(np.arange(total), record.missing)
+    assert np.allclose(record.torque[there], ((start + decimation * there) % 7) * 1e-4)
+
+
+def test_a_node_that_is_behind_has_started_afresh() -> None:
+    log = HistoryLog(IDENTITY)
+    log.take(100.0, history_of(5000, 19, 1))
+    log.watch(110.0, history_of(15010, 19, 1))  # ten seconds on: 10000 periods of 1 ms
+    assert log.next == 5019
+    log.watch(110.0, history_of(14900, 19, 1))  # late by less than an answer may be
+    assert log.next == 5019
+    log.watch(110.0, history_of(9990, 19, 1))  # as many as there was time, but from 0
+    assert log.next == 0
 
 
 def test_registers_are_read_and_commands_given(emulator: Server, cli: Cli) -> None:
