@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import re
 import shlex
+import socket
 import subprocess
 import sys
 import time
@@ -91,7 +92,8 @@ def _interface(terminal: Terminal) -> Iterator[str]:
         return
     with contextlib.suppress(OSError):
         subprocess.run(["modprobe", "--quiet", "vcan"], check=False, capture_output=True)
-    if not (_ip("link", "add", "dev", _VCAN, "type", "vcan") and _ip("link", "set", _VCAN, "up")):
+    made = _ip("link", "add", "dev", _VCAN, "type", "vcan") is not None
+    if not made or _ip("link", "set", _VCAN, "up") is None:
         terminal.note("no virtual CAN interface here: using SLCAN on a pseudo-terminal")
         yield "pty"
         return
@@ -103,15 +105,19 @@ def _interface(terminal: Terminal) -> Iterator[str]:
 
 
 def _has_interface() -> bool:
-    flags = Path(f"/sys/class/net/{_VCAN}/flags")
-    return flags.exists() and bool(int(flags.read_text(), 16) & 1)  # IFF_UP
+    # Not by /sys/class/net: that shows the network namespace in which it was mounted.
+    return _VCAN in [name for _, name in socket.if_nameindex()] and bool(
+        _ip("-oneline", "link", "show", "up", "dev", _VCAN)
+    )
 
 
-def _ip(*arguments: str) -> bool:
+def _ip(*arguments: str) -> str | None:
+    """What `ip` says; None when it fails."""
     try:
-        return subprocess.run(["ip", *arguments], capture_output=True, check=False).returncode == 0
+        ran = subprocess.run(["ip", *arguments], capture_output=True, check=False, text=True)
     except OSError:
-        return False
+        return None
+    return ran.stdout if ran.returncode == 0 else None
 
 
 @contextlib.contextmanager
