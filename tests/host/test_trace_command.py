@@ -84,6 +84,7 @@ def test_a_trigger_that_does_not_come_is_given_up(line: Path, tmp_path: Path) ->
         (("--trigger", "rising:torque:nan"), "is no level"),
         (("--trigger", "rising:theta1:1e9"), "is out of range"),
         (("--pretrigger", "5"), "--pretrigger wants 0 or more samples, and a --trigger"),
+        (("--arm",), "--arm wants a --trigger"),
         (("--every", "0"), "--every has to be 1 or more"),
         (("--timeout", "-1"), "--timeout has to be 0 or more"),
     ],
@@ -152,3 +153,23 @@ def test_a_drive_without_a_trace_has_nothing_to_fetch(line: Path, tmp_path: Path
     ran = run(axistwin("trace", line, tmp_path / "x.csv", "--fetch"))
     assert ran.returncode == 3
     assert "node 1 holds no trace that is complete" in ran.stderr
+
+
+def test_a_fault_is_caught_with_nobody_there_and_fetched_later(tmp_path: Path) -> None:
+    line, file = tmp_path / "line", tmp_path / "fault.csv"
+    before, length = 150, 400
+    with running_drive(line, "--limits", "0.5,1", "--watchdog", "5000"):  # 1 turn a minute
+        trigger = ("--trigger", "fault", "--pretrigger", str(before), "-n", str(length))
+        ran = run(axistwin("trace", line, file, "--arm", *trigger))
+        assert (ran.returncode, file.exists()) == (0, False)
+        assert "armed for fault" in ran.stderr
+        ran = run(axistwin("trace", line, file, "--fetch"))
+        assert "holds no trace that is complete" in ran.stderr
+        ran = run(axistwin("log", line, tmp_path / "run.log", "--excite", "--duration", "5"))
+        assert ran.returncode == 3
+        assert "is in fault" in ran.stderr
+        record, summary = traced(line, file, "--fetch")
+    assert len(record) == length
+    assert summary["trigger_sample"] == before
+    assert np.any(record.torque[:before] != 0.0)
+    assert np.all(record.torque[before + 1 :] == 0.0)

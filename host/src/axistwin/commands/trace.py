@@ -141,7 +141,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="wait this long between excitation and trace (default: 0.5)",
     )
-    group.add_argument(
+    later = group.add_mutually_exclusive_group()
+    later.add_argument(
+        "--arm",
+        action="store_true",
+        help="do not wait for the trigger: leave the node armed, and --fetch what it has caught "
+        "later",
+    )
+    later.add_argument(
         "--fetch",
         action="store_true",
         help="capture nothing: fetch the trace that the node holds. One of which an upload to the "
@@ -169,7 +176,11 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.fetch:
             trace.find(partial)
         else:
-            _capture(trace, arguments, info)
+            trace.count = arguments.samples or min(_SAMPLES, info.trace_capacity)
+            _capture(trace, arguments)
+        if arguments.arm:
+            terminal.note(f"armed for {arguments.trigger}; fetch what it catches with --fetch")
+            return 0
         with LogFile(partial, terminal) as log:
             trace.upload(log, arguments.wait)
         terminal.clear()
@@ -206,6 +217,8 @@ def _check(arguments: argparse.Namespace) -> None:
         raise InputError(f"-n has to be 1 or more samples, not {arguments.samples}")
     if arguments.every < 1:
         raise InputError(f"--every has to be 1 or more control periods, not {arguments.every}")
+    if arguments.arm and (arguments.trigger is None or arguments.excite):
+        raise InputError("--arm wants a --trigger, and goes without --excite")
     if arguments.pretrigger < 0 or (arguments.pretrigger > 0 and arguments.trigger is None):
         raise InputError("--pretrigger wants 0 or more samples, and a --trigger")
     for option in ("settle", "timeout"):
@@ -214,15 +227,15 @@ def _check(arguments: argparse.Namespace) -> None:
             raise InputError(f"--{option} has to be 0 or more seconds, not {value}")
 
 
-def _capture(trace: _Trace, arguments: argparse.Namespace, info: bus.NodeInfo) -> None:
+def _capture(trace: _Trace, arguments: argparse.Namespace) -> None:
     """Has the node capture what the arguments say; a trace that is not wanted any more is ended."""
-    count = arguments.samples or min(_SAMPLES, info.trace_capacity)
     try:
         with excitation.excited(trace.node, arguments):
             if arguments.excite:
                 trace.wait(arguments.settle)
-            trace.capture(count, arguments.every, arguments.trigger, arguments.pretrigger)
-            trace.finish(arguments.trigger, arguments.timeout)
+            trace.capture(arguments.every, arguments.trigger, arguments.pretrigger)
+            if not arguments.arm:
+                trace.finish(arguments.trigger, arguments.timeout)
     except KeyboardInterrupt:
         trace.node.command("TraceAbort")
         raise
@@ -287,9 +300,9 @@ class _Trace:
         self._terminal = terminal
         node.sinks.append(self._take)
 
-    def capture(self, count: int, every: int, trigger: Trigger | None, before: int) -> None:
-        """Arms the node: ``count`` samples, one in ``every`` periods, ``before`` the trigger."""
-        node, self.count = self.node, count
+    def capture(self, every: int, trigger: Trigger | None, before: int) -> None:
+        """Arms the node: one sample in ``every`` periods, so many ``before`` the trigger."""
+        node = self.node
         if trigger is None:
             now = node.contract.value_of("Command", "TraceTrigger", "Now")
             node.command("TraceTrigger", now)
@@ -297,7 +310,7 @@ class _Trace:
             trigger.send(node)
         node.command("TracePretrigger", before)
         node.command("TraceDecimation", every)
-        node.command("TraceArm", count)
+        node.command("TraceArm", self.count)
         node.page_flags["TraceCaptured"] = _CAPTURING if trigger is None else _ARMED
         self._every = every
 
