@@ -4,6 +4,7 @@
 #include "axt_rows.h"
 
 enum {
+    FEWEST_SAMPLES = 20, /* with fewer there is no answer */
     RELATIVE_ERROR = 10, /* valid: the standard error is less than a tenth of the value */
     WINDOW = 56,         /* samples; the noise of differences is correlated over two */
     ANGLE_COLUMN = 1,    /* of the full form: r, */
@@ -321,7 +322,7 @@ axt_status axt_ident_result(const axt_ident *ident, axt_estimate *estimate) {
     const axt_real forgetting = ident->rls.forgetting;
     axt_estimate found = {.samples = ident->samples};
     *estimate = found;
-    if (!axt_scatter_known(&ident->scatter)) {
+    if (ident->samples < FEWEST_SAMPLES) {
         return AXT_ERROR_NO_DATA;
     }
     answer a = {.ident = ident,
@@ -331,6 +332,10 @@ axt_status axt_ident_result(const axt_ident *ident, axt_estimate *estimate) {
         axt_axis_from_rows(&rows, ident->regressor.motor_share, &found.axis) != AXT_OK ||
         axt_axis_modal(&found.axis, &found.modal) != AXT_OK) {
         return AXT_ERROR_NO_DATA;
+    }
+    if (!axt_scatter_known(&ident->scatter)) {
+        *estimate = found;
+        return AXT_OK;
     }
     find_errors(&a, &found);
     if (ident->regressor.config.form == AXT_IDENT_5X4) {

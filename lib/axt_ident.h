@@ -91,8 +91,9 @@ axt_status axt_ident_motion(axt_ident *ident, uint32_t number, const axt_motion 
 axt_status axt_ident_counts(axt_ident *ident, uint32_t number, int32_t motor, int32_t table,
                             axt_real torque);
 
-/* The present answer. AXT_ERROR_NO_DATA (with the flags cleared and zeros) before the estimate and
- * its errors mean anything. Cost: about 2000 operations: not for the interrupt. */
+/* The present answer. AXT_ERROR_NO_DATA (with the flags cleared and zeros) before it means
+ * anything. Standard errors take some 300 to 2000 samples; until then they are zero and no flag is
+ * set. Cost: about 2000 operations: not for the interrupt. */
 axt_status axt_ident_result(const axt_ident *ident, axt_estimate *estimate);
 
 #endif

@@ -4,8 +4,8 @@ The stiffness falls by a fifth and comes back, in steps of the plant's parameter
 remembers limits it from two sides: much, and it lags behind; little, and noise is not averaged. Two
 ways to forget are compared. Exponential forgetting forgets everything at the same rate; when the
 excitation pauses it forgets what nothing renews, and what is left to learn from is noise.
-Directional forgetting (axt_rls.h) forgets along the regressor only; it keeps all through a pause,
-and pays for that in how well it follows.
+Directional forgetting (axt_rls.h) forgets in each direction what the samples renew there: it keeps
+all through a pause.
 """
 
 from __future__ import annotations
