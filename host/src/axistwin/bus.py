@@ -60,7 +60,9 @@ _BATCH = 256
 
 _DEFAULT_CHANNEL = "vcan0"
 _ASK_AGAIN = 0.25
-_STATE = 0x6F  # bits of the CiA 402 status word that are the state
+#: Bits of the CiA 402 status word that are the state of the drive.
+DRIVE_STATE = 0x6F
+
 _EXCITED = 0x0100  # bit 8: the excitation plays
 
 # How often this host's heartbeat is sent while it has a drive under its control [s].
@@ -326,7 +328,7 @@ class Node:
         """The state of the drive by its name in the contract. None: not known."""
         if self._status is None:
             return None
-        return self.contract.names["DriveState"].get(self._status & _STATE)
+        return self.contract.names["DriveState"].get(self._status & DRIVE_STATE)
 
     @property
     def fault(self) -> str | None:
@@ -591,6 +593,28 @@ def nodes_of(arguments: argparse.Namespace) -> Iterator[tuple[SharedBus, list[No
     nodes = [Node(shared.open_port, contract, i, arguments.heartbeat_timeout) for i in ids]
     with contextlib.ExitStack() as stack:
         yield shared, [stack.enter_context(node) for node in nodes]
+
+
+@contextlib.contextmanager
+def listening(arguments: argparse.Namespace) -> Iterator[Callable[[float], can.Message | None]]:
+    """The bus that the arguments name, to listen to: the next message within so many seconds.
+
+    Opening it raises as Node.connect() does; what is yielded raises BusError when the bus fails.
+    """
+    opened = _opener(arguments)()
+
+    def receive(timeout: float) -> can.Message | None:
+        try:
+            return opened.recv(timeout)
+        except (can.CanError, OSError) as error:
+            raise BusError(f"the bus has failed: {_reason(error)}") from error
+        except (ValueError, IndexError):  # a line of SLCAN that has been garbled
+            return None
+
+    try:
+        yield receive
+    finally:
+        _close(opened)
 
 
 def _opener(arguments: argparse.Namespace) -> Callable[[], can.BusABC]:

@@ -19,6 +19,7 @@ from axistwin.errors import AxisTwinError
 # module of the verb that is used is imported: help and errors come quickly.
 _VERBS = {
     "emulate": ("axistwin.commands.emulate", "run an emulated axis with its drive on a CAN bus"),
+    "monitor": ("axistwin.commands.monitor", "show what the nodes on a bus do, listening only"),
     "log": ("axistwin.commands.log", "record the live stream of a node as a bus log"),
     "trace": ("axistwin.commands.trace", "capture and fetch samples at the full control rate"),
     "modbus": ("axistwin.commands.modbus", "read, command and log a node over Modbus TCP or RTU"),
