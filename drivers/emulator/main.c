@@ -61,6 +61,7 @@ static axt_status start_node(const axt_emulator_options *options, axt_emulated_a
         .stream_decimation = options->stream_decimation,
         .rated_torque = options->rated_torque,
         .counts_per_turn = {options->counts_per_turn[0], options->counts_per_turn[1]},
+        .form = options->form,
         .expected = options->expected,
         .forgetting = options->forgetting,
         .limits = options->limits,

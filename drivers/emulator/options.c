@@ -36,6 +36,7 @@ static const char usage[] =
     "  --watchdog MS         longest time without a host's heartbeat while it has the drive\n"
     "                        enabled, 1 to 65535 (default: 400)\n"
     "  --trace-size N        samples that the trace can hold (default: 32768)\n"
+    "  --surplus             the estimator looks for friction and springs to ground, too\n"
     "  --expected I1,I2,B,K  what the estimator expects, within a factor of 10\n"
     "                        (default: 5e-5,5e-6,1e-3,200)\n"
     "  --forgetting LAMBDA   of the estimator, 0.9 to 1 (default: 0.99995)\n"
@@ -80,6 +81,7 @@ enum {
     WATCHDOG,
     TRACE_SIZE,
     EXPECTED,
+    SURPLUS,
     FORGETTING,
     AXIS,
     EFFECT,
@@ -110,6 +112,7 @@ static const struct option long_options[] = {
     {"watchdog", required_argument, NULL, WATCHDOG},
     {"trace-size", required_argument, NULL, TRACE_SIZE},
     {"expected", required_argument, NULL, EXPECTED},
+    {"surplus", no_argument, NULL, SURPLUS},
     {"forgetting", required_argument, NULL, FORGETTING},
     {"axis", required_argument, NULL, AXIS},
     {"effect", required_argument, NULL, EFFECT},
@@ -331,6 +334,9 @@ static bool read_one(int option, axt_emulator_options *options, derived_options 
         break;
     case EXPECTED:
         fine = read_axis("expected", text, &options->expected);
+        break;
+    case SURPLUS:
+        options->form = AXT_IDENT_5X4;
         break;
     case FORGETTING:
         fine = read_number("forgetting", text, 0.9, 1, &number);

@@ -9,6 +9,7 @@
 #include "axt_can_pace.h"
 #include "axt_excitation.h"
 #include "axt_guard.h"
+#include "axt_ident.h"
 #include "effects.h"
 
 enum { AXT_EMULATOR_MODBUS_MAX = 4 }; /* servers */
@@ -24,7 +25,8 @@ typedef struct {
     uint32_t stream_decimation; /* control periods between streamed samples */
     axt_axis axis;              /* what is emulated */
     axt_emulator_effects effects;
-    axt_axis expected; /* what the estimator starts from */
+    axt_ident_form form; /* of the estimator */
+    axt_axis expected;   /* what it starts from */
     axt_real forgetting;
     uint32_t counts_per_turn[2]; /* motor, table */
     uint32_t rated_torque;       /* [mN m] */

@@ -61,6 +61,7 @@ static void estimate(axt_node *node, uint32_t now) {
     if (node->estimate_ordered) {
         node->estimate_ordered = false;
         (void)axt_ident_result(&node->ident_copy, &node->estimate); /* no data: zeros, not valid */
+        node->ident_counters = node->ident_copy.counters;
         node->estimate_sequence++;
         node->pages |= AXT_NODE_PAGES_ESTIMATE;
     } else if (due(now, axt_node_periods(node, ESTIMATE_PERIOD_MS), &node->estimate_time)) {
@@ -464,7 +465,7 @@ axt_status axt_node_init(axt_node *node, const axt_node_config *config, const ax
         return limits;
     }
     const axt_ident_config ident = {
-        .form = AXT_IDENT_3X2,
+        .form = config->form,
         .time_step = config->control_period,
         .forgetting = config->forgetting,
         .expected = config->expected,

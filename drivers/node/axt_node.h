@@ -105,7 +105,8 @@ typedef struct {
     uint32_t stream_decimation;  /* control periods between streamed samples, 1 or more */
     uint32_t rated_torque;       /* [mN m], 1 or more */
     uint32_t counts_per_turn[2]; /* of the encoders at motor and table */
-    axt_axis expected;           /* see axt_ident_config */
+    axt_ident_form form;         /* see axt_ident_config */
+    axt_axis expected;           /* likewise */
     axt_real forgetting;         /* likewise */
     axt_schroeder excitation;    /* settings until a host changes them */
     axt_limits limits;           /* what the axis stands; a host may set less */
@@ -216,8 +217,9 @@ typedef struct {
     uint16_t state_sequence;
     uint16_t estimate_sequence;
     axt_estimate estimate;
-    uint32_t refused;  /* commands and control words */
-    uint32_t bus_offs; /* of the bus' health, as far as reported */
+    axt_ident_counters ident_counters; /* at the time of the estimate */
+    uint32_t refused;                  /* commands and control words */
+    uint32_t bus_offs;                 /* of the bus' health, as far as reported */
     bool answer_due;
     bool refusal_due;
     bool emergency_due;

@@ -146,6 +146,21 @@ static void counter_page(const axt_node *node, struct axt_contract_report_t *rep
     case AXT_CONTRACT_REPORT_PAGE_PERIODS_CHOICE:
         report->periods = axt_node_other(&node->now);
         break;
+    case AXT_CONTRACT_REPORT_PAGE_NOT_FINITE_SAMPLES_CHOICE:
+        report->not_finite_samples = node->ident_counters.not_finite;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_OUT_OF_RANGE_SAMPLES_CHOICE:
+        report->out_of_range_samples = node->ident_counters.range;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_JUMPED_SAMPLES_CHOICE:
+        report->jumped_samples = node->ident_counters.jumped;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_REPEATED_SAMPLES_CHOICE:
+        report->repeated_samples = node->ident_counters.repeated;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_SAMPLE_GAPS_CHOICE:
+        report->sample_gaps = node->ident_counters.gaps;
+        break;
     case AXT_CONTRACT_REPORT_PAGE_LIMITED_SAMPLES_CHOICE:
         report->limited_samples = axt_node_other(&node->limited);
         break;
@@ -231,6 +246,30 @@ static void identity_page(const axt_node *node, struct axt_contract_report_t *re
     }
 }
 
+/* Pages 46 to 49: what the ideal axis has not. */
+static void surplus_page(const axt_node *node, struct axt_contract_report_t *report) {
+    const axt_estimate *found = &node->estimate;
+    switch (report->page) {
+    case AXT_CONTRACT_REPORT_PAGE_ESTIMATE_FRICTION_CHOICE:
+        report->estimate_friction = (float)found->friction.value;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_ERROR_FRICTION_CHOICE:
+        report->error_friction = (float)found->friction.error;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_ESTIMATE_SPRING_CHOICE:
+        report->estimate_spring = (float)found->spring.value;
+        break;
+    case AXT_CONTRACT_REPORT_PAGE_ERROR_SPRING_CHOICE:
+        report->error_spring = (float)found->spring.error;
+        break;
+    default:
+        break;
+    }
+    const bool looked_for = node->config.form == AXT_IDENT_5X4 && found->samples > 0;
+    report->sequence = node->estimate_sequence;
+    report->flags = looked_for ? 1 : 0;
+}
+
 /* Pages 32 to 45: the estimate of the last snapshot. */
 static void estimate_page(const axt_node *node, struct axt_contract_report_t *report) {
     const axt_estimate *found = &node->estimate;
@@ -296,7 +335,9 @@ static void estimate_page(const axt_node *node, struct axt_contract_report_t *re
 void axt_node_frame_report(const axt_node *node, uint8_t page, axt_can_frame *frame) {
     const uint64_t set = AXT_NODE_PAGE(page);
     struct axt_contract_report_t report = {.page = page, .sequence = node->state_sequence};
-    if ((set & AXT_NODE_PAGES_ESTIMATE) != 0) {
+    if ((set & AXT_NODE_PAGES_SURPLUS) != 0) {
+        surplus_page(node, &report);
+    } else if ((set & AXT_NODE_PAGES_ESTIMATE) != 0) {
         estimate_page(node, &report);
     } else if ((set & AXT_NODE_PAGES_TRACE) != 0) {
         trace_page(node, &report);

@@ -48,6 +48,7 @@ typedef struct {
     uint32_t beats; /* control periods since the last */
 
     axt_emulated_axis axis;
+    int32_t glitch; /* counts that the motor encoder is wrong by, once */
     rig_period_log log[RIG_LOG];
     uint32_t log_count;
 
@@ -104,6 +105,8 @@ static inline void rig_apply_torque(void *axis, axt_real torque) {
 static inline void rig_read_encoders(void *axis, int32_t position[2]) {
     rig *r = axis;
     axt_emulated_axis_read_encoders(&r->axis, position);
+    position[0] += r->glitch;
+    r->glitch = 0;
     if (r->log_count < RIG_LOG) {
         r->log[r->log_count].position[0] = position[0];
         r->log[r->log_count].position[1] = position[1];

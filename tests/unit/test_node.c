@@ -661,6 +661,26 @@ CASE(counters_come_every_second) {
     free(r);
 }
 
+/* An encoder that is wrong now and then: the samples are left out, counted, and do no harm. */
+CASE(samples_that_the_estimator_refuses_are_counted_by_their_reason) {
+    rig *r = rig_excited();
+    rig_run(r, 10000);
+    for (int i = 0; i < 20; i++) {
+        r->glitch = 500000;
+        rig_run(r, 500);
+    }
+    rig_run(r, 15000);
+    CHECK_EQUAL(rig_report(r, 18).rejected_samples, 20);
+    CHECK_EQUAL(rig_report(r, 20).not_finite_samples, 0);
+    CHECK_EQUAL(rig_report(r, 21).out_of_range_samples, 0);
+    CHECK_EQUAL(rig_report(r, 22).jumped_samples, 20);
+    CHECK_EQUAL(rig_report(r, 23).repeated_samples, 0);
+    CHECK_EQUAL(rig_report(r, 24).sample_gaps, 20);
+    CHECK_EQUAL(rig_report(r, 38).flags, 1);
+    CHECK_NEAR(rig_report(r, 38).estimate_k / 110, 1, 2e-3);
+    free(r);
+}
+
 /* ---- Excitation -------------------------------------------------------------------------------
  */
 
@@ -1016,6 +1036,36 @@ CASE(an_estimate_is_one_snapshot_of_fourteen_pages_five_times_a_second) {
     CHECK_NEAR(count_snapshots(200), 8, 2); /* 50 frames a second less 10 heartbeats, 18 counters */
 }
 
+/* The t-value of what the ideal axis has not, of an estimator that looks for it while the axis has
+ * so much viscous friction at the motor [N m s/rad]. */
+static double t_of_friction(double viscous, double *found) {
+    rig *r = rig_new();
+    r->config.form = AXT_IDENT_5X4;
+    CHECK_EQUAL(rig_start(r), AXT_OK);
+    const axt_effects effects = {.friction = {{.viscous = (axt_real)viscous}}};
+    CHECK_EQUAL(axt_emulated_axis_set_effects(&r->axis, &effects), AXT_OK);
+    rig_enable(r);
+    CHECK_EQUAL(rig_tell(r, EXCITATION_ON, 0), 0);
+    rig_run(r, 30000);
+    for (uint8_t page = 46; page <= 49; page++) {
+        CHECK_EQUAL(rig_report(r, page).page, page);
+        CHECK_EQUAL(rig_report(r, page).flags, 1);
+        CHECK_EQUAL(rig_report(r, page).sequence, rig_report(r, 38).sequence);
+    }
+    CHECK(fabsf(rig_report(r, 48).estimate_spring) < 5 * rig_report(r, 49).error_spring);
+    *found = (double)rig_report(r, 46).estimate_friction;
+    const double error = (double)rig_report(r, 47).error_friction;
+    free(r);
+    return *found / error;
+}
+
+CASE(friction_is_told_from_none_by_its_t_value) {
+    double found;
+    CHECK(fabs(t_of_friction(0, &found)) < 5);
+    CHECK(t_of_friction(1e-3, &found) > 20);
+    CHECK_NEAR(found, 1e-3, 1e-4);
+}
+
 CASE(without_excitation_there_is_no_estimate) {
     rig *r = rig_running();
     rig_run(r, 20000);
@@ -1078,6 +1128,7 @@ int main(void) {
     RUN(commands_in_a_row_are_all_answered_in_order);
     RUN(identify_tells_what_the_node_is);
     RUN(counters_come_every_second);
+    RUN(samples_that_the_estimator_refuses_are_counted_by_their_reason);
     RUN(the_excitation_is_the_one_that_was_set);
     RUN(changing_the_excitation_never_plays_an_unfinished_table);
     RUN(the_table_is_not_written_while_the_tick_may_play_it);
@@ -1089,6 +1140,7 @@ int main(void) {
     RUN(a_new_trace_is_not_taken_for_the_last_one);
     RUN(the_estimate_is_that_of_the_axis_and_says_how_sure_it_is);
     RUN(an_estimate_is_one_snapshot_of_fourteen_pages_five_times_a_second);
+    RUN(friction_is_told_from_none_by_its_t_value);
     RUN(without_excitation_there_is_no_estimate);
     RUN(the_estimate_outlives_the_excitation_until_it_is_reset);
     return REPORT();
