@@ -58,7 +58,7 @@ static oscillator solve(const axt_real row[3], axt_rows_kind kind, axt_real a, a
 axt_status axt_rows_from_held(axt_rows *rows, axt_rows_kind kind, axt_real time_step,
                               axt_real factor[3]) {
     oscillator now = solve(rows->twist, kind, AXT_R(0), AXT_R(1));
-    axt_real change = AXT_R(1);
+    axt_real change = AXT_REAL_MAX;
     for (uint32_t round = 0; round < ROUNDS_MAX && change > AXT_EPSILON * now.k; round++) {
         axt_real a;
         axt_real b;

@@ -1,13 +1,13 @@
 /* drive_example.c - runs the C example of README.md, which is compiled beside it, as a drive would:
- * the paper's axis under Schroeder excitation, its encoders read once a control period. The example
- * passes when it comes to know the axis. */
+ * the paper's axis under Schroeder excitation that is held over each control period, at whose start
+ * the encoders are read. The example passes when it comes to know the axis. */
 #include "axt.h"
 
 #include <math.h>
 #include <stdio.h>
 
 axt_status identifier_start(void);
-void identifier_step(int32_t motor, int32_t table, float torque);
+void identifier_step(uint32_t period, int32_t motor, int32_t table, float torque);
 bool identifier_read(axt_estimate *now);
 
 enum { PERIOD = 2048, PERIODS = 20, COUNTS = 1048576 };
@@ -18,20 +18,21 @@ static const axt_schroeder signal = {
 
 static float excitation[PERIOD];
 
-static bool run(axt_plant *plant) {
-    for (int i = 0; i < PERIOD; i++) {
+static bool run(axt_integrator *axis) {
+    for (uint32_t i = 0; i < PERIODS * PERIOD; i++) {
+        const float torque = excitation[i % PERIOD];
         axt_motion motion;
         int32_t motor = 0;
         int32_t table = 0;
-        if (axt_plant_step(plant, excitation[i]) != AXT_OK) {
+        if (axt_integrator_step(axis, torque) != AXT_OK) {
             return false;
         }
-        axt_plant_read(plant, &motion);
+        axt_integrator_read(axis, &motion);
         if (axt_encoder_read(COUNTS, &motion, AXT_ENCODER_MOTOR, &motor) != AXT_OK ||
             axt_encoder_read(COUNTS, &motion, AXT_ENCODER_TABLE, &table) != AXT_OK) {
             return false;
         }
-        identifier_step(motor, table, excitation[i]);
+        identifier_step(i, motor, table, torque);
     }
     return true;
 }
@@ -43,14 +44,11 @@ static bool near(const char *name, float found, float real, float tolerance) {
 
 int main(void) {
     const axt_axis *real = &axt_axis_paper;
-    axt_plant plant;
+    axt_integrator axis;
     axt_estimate found;
     bool fine = axt_schroeder_fill(&signal, excitation, PERIOD) == AXT_OK &&
-                axt_plant_init(&plant, real, 50e-6f, &axt_newmark_trapezoidal) == AXT_OK &&
-                identifier_start() == AXT_OK;
-    for (int i = 0; fine && i < PERIODS; i++) {
-        fine = run(&plant);
-    }
+                axt_integrator_init(&axis, AXT_METHOD_EXACT_HELD, real, 50e-6f) == AXT_OK &&
+                identifier_start() == AXT_OK && run(&axis);
     if (!fine || !identifier_read(&found)) {
         puts("the example of README.md does not identify the axis");
         return 1;
