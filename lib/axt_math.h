@@ -91,6 +91,18 @@ static inline bool axt_finite(axt_real x) {
     return axt_abs(x) <= AXT_REAL_MAX;
 }
 
+/* The power of two next below x > 0, from 1e-30 to 1e30. */
+static inline axt_real axt_power_of_two(axt_real x) {
+    axt_real power = AXT_R(1);
+    while (power > x && power > AXT_R(1e-30)) {
+        power *= AXT_R(0.5);
+    }
+    while (power <= AXT_R(0.5) * x && power < AXT_R(1e30)) {
+        power *= AXT_R(2);
+    }
+    return power;
+}
+
 /* For short loops over arrays of a size known at compile time: unrolled, with constants for what
  * depends on it, they keep the arrays in registers. */
 #define AXT_UNROLL   _Pragma("GCC unroll 5")

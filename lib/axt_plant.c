@@ -37,18 +37,6 @@
 
 const axt_newmark axt_newmark_trapezoidal = {.alpha = AXT_R(0.25), .delta = AXT_R(0.5)};
 
-/* The power of two next below x, 1e-30 < x < 1e30. */
-static axt_real power_of_two(axt_real x) {
-    axt_real power = AXT_R(1);
-    while (power > x) {
-        power *= AXT_R(0.5);
-    }
-    while (power <= AXT_R(0.5) * x) {
-        power *= AXT_R(2);
-    }
-    return power;
-}
-
 axt_status axt_plant_init(axt_plant *plant, const axt_axis *axis, axt_real time_step,
                           const axt_newmark *newmark) {
     axt_modal modal;
@@ -72,7 +60,7 @@ axt_status axt_plant_init(axt_plant *plant, const axt_axis *axis, axt_real time_
     const axt_real per_reduced = AXT_R(1) / axis->I1 + AXT_R(1) / axis->I2; /* 1 / Ir */
     const axt_real dt2 = time_step * time_step;
     const axt_real half_turn = AXT_PI * inertia / dt2;
-    const axt_real power = power_of_two(half_turn);
+    const axt_real power = axt_power_of_two(half_turn);
     const axt_real twist_unit = AXT_R(1024) / power;
     const axt_real change_of_torque = dt2 / axis->I1 / twist_unit;
     const axt_real change_of_rate = time_step * axis->B * per_reduced;

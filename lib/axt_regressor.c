@@ -20,18 +20,6 @@ enum { TWIST_CHANNEL, BODY_CHANNEL, TORQUE_CHANNEL };
 /* How long the filter remembers its start: its slowest pole is w / 2, and e^-16 is 1e-7. */
 #define SETTLING_RADIANS AXT_R(32)
 
-/* The power of two next below x > 0. */
-static axt_real power_of_two(axt_real x) {
-    axt_real power = AXT_R(1);
-    while (power > x && power > AXT_R(1e-30)) {
-        power *= AXT_R(0.5);
-    }
-    while (power <= AXT_R(0.5) * x && power < AXT_R(1e30)) {
-        power *= AXT_R(2);
-    }
-    return power;
-}
-
 static bool from_encoders(const axt_ident_config *config) {
     return config->counts_per_turn[0] != 0;
 }
@@ -66,12 +54,12 @@ static void scale_motion(axt_regressor *regressor, axt_real wn) {
                                                      [R_RATE] = body * wn / AXT_R(4),
                                                      [TORQUE] = config->torque};
     for (uint32_t i = 0; i < AXT_REGRESSOR_INPUTS_MAX; i++) {
-        regressor->scale[i] = AXT_R(1) / power_of_two(size[i]);
+        regressor->scale[i] = AXT_R(1) / axt_power_of_two(size[i]);
     }
     regressor->output_scale[Q] = regressor->scale[Q_RATE];
     regressor->output_scale[R] = regressor->scale[R_RATE];
-    regressor->output_scale[Q_RATE] = AXT_R(1) / power_of_two(twist * wn * wn);
-    regressor->output_scale[R_RATE] = AXT_R(1) / power_of_two(config->torque / inertia);
+    regressor->output_scale[Q_RATE] = AXT_R(1) / axt_power_of_two(twist * wn * wn);
+    regressor->output_scale[R_RATE] = AXT_R(1) / axt_power_of_two(config->torque / inertia);
 }
 
 /* Encoders: what enters the filters is scaled, and their time runs in units of 1 / corner, so what
@@ -80,14 +68,14 @@ static void scale_counts(axt_regressor *regressor, axt_real wn, axt_real corner)
     const axt_ident_config *config = &regressor->config;
     const axt_real inertia = config->expected.I1 + config->expected.I2;
     const axt_real twist =
-        AXT_R(1) / power_of_two(config->torque / (config->expected.I1 * wn * wn));
-    const axt_real body = AXT_R(1) / power_of_two(config->torque / (inertia * wn * wn));
+        AXT_R(1) / axt_power_of_two(config->torque / (config->expected.I1 * wn * wn));
+    const axt_real body = AXT_R(1) / axt_power_of_two(config->torque / (inertia * wn * wn));
     for (uint32_t i = 0; i < 2; i++) {
         regressor->count_unit[i] = twist * axt_encoder_angle(config->counts_per_turn[i], 1);
     }
     regressor->body_unit = body * axt_encoder_angle(config->counts_per_turn[0], 1);
     regressor->body_share = regressor->motor_share * body / twist;
-    regressor->torque_unit = AXT_R(1) / power_of_two(config->torque);
+    regressor->torque_unit = AXT_R(1) / axt_power_of_two(config->torque);
     regressor->torque_max = TORQUE_RANGE * config->torque;
     regressor->idle = AXT_R(IDLE_COUNTS) * ((regressor->count_unit[0] > regressor->count_unit[1])
                                                 ? regressor->count_unit[0]
