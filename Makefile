@@ -240,8 +240,8 @@ size: $(BUILD)/packages-size $(BUILD)/packages-build
 docs/wire.md: drivers/contract/axistwin.dbc drivers/contract/generate.py | $(VENV)/.build-tools
 	$(VENV)/bin/python drivers/contract/generate.py --page $@
 
-docs/registers.md: drivers/contract/registers.csv drivers/contract/generate_registers.py \
-		drivers/contract/generate.py | $(VENV)/.build-tools
+docs/registers.md: drivers/contract/registers.csv drivers/contract/axistwin.dbc \
+		drivers/contract/generate_registers.py drivers/contract/generate.py | $(VENV)/.build-tools
 	$(VENV)/bin/python drivers/contract/generate_registers.py --page $@
 
 INSTALLED      := $(DESTDIR)$(PREFIX)

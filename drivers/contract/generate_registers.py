@@ -17,7 +17,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from generate import c_name, table
+import cantools
+from cantools.database.can import Database
+from generate import CONTRACT, c_name, table
 
 TABLE = Path(__file__).with_name("registers.csv")
 OUTPUT = "axt_register_table"
@@ -55,9 +57,15 @@ The commands are those of the [CAN contract](wire.md#command), with the same cod
 and `256`: keep a sample for the history every so many control periods (argument, 1 or more).
 
 A node takes no command before the host has asked for it: write 0x4158 to WriteKey and, with the
-next request, 0x5457. That holds for this client, a connection or all of a serial line, until it is gone,
-anything else is written to WriteKey, or 10 s have passed without a write. Then write Argument and
-Code, in this order or with one request. The answer comes when the command is done:
+next request, 0x5457. That holds for this client, a connection or all of a serial line, until it is
+gone, anything else is written to WriteKey, or 10 s have passed without a write. Then write Argument
+and Code, in this order or with one request, or ControlWord and TargetTorque. The answer comes when
+the command is done. Of commands that were refused, Result says why:
+
+{results}.
+
+A drive that is enabled wants to hear its host: every request of a client that may give commands
+counts as its heartbeat. When none has come for HostTimeout the torque is stopped, as on CAN.
 
 | exception | meaning |
 |---|---|
@@ -68,11 +76,11 @@ Code, in this order or with one request. The answer comes when the command is do
 
 ## The history
 
-A node keeps its newest samples, one every HistoryDecimation control periods, and block History shows
-{history} of them: the newest, or those from HistoryFrom on. Whoever writes the control period after
-the last sample to HistoryFrom and reads the block with the same request (function 23) gets one sample
-after the other and misses none as long as the node keeps them; HistoryCounter says where that was
-not so.
+A node keeps its newest samples, one every HistoryDecimation control periods, and block History
+shows {history} of them: the newest, or those from HistoryFrom on. Whoever writes the control period
+after the last sample to HistoryFrom and reads the block with the same request (function 23) gets
+one sample after the other and misses none as long as the node keeps them; HistoryCounter says where
+that was not so.
 """
 
 
@@ -247,6 +255,15 @@ def example(registers: list[Register]) -> Iterator[str]:
     )
 
 
+def results() -> str:
+    """How a command may end, as the CAN contract names it."""
+    database = cantools.database.load_file(CONTRACT)
+    assert isinstance(database, Database)
+    assert database.dbc is not None
+    choices = database.dbc.value_tables["Result"]
+    return ", ".join(f"{value} {name}" for value, name in choices.items())
+
+
 def page(registers: list[Register]) -> str:
     """The whole reference page."""
     by_name = {register.name: register for register in registers}
@@ -256,6 +273,7 @@ def page(registers: list[Register]) -> str:
             version=version.constant,
             version_address=version.address,
             history=by_name["HistoryTorque"].length,
+            results=results(),
         )
     ]
     for name, rows in blocks(registers).items():

@@ -13,6 +13,7 @@ void axt_register_exchange_init(axt_register_exchange *exchange, const axt_histo
     exchange->back = 0;
     exchange->front = 1;
     atomic_init(&exchange->middle, 2);
+    atomic_init(&exchange->heard, false);
     atomic_init(&exchange->state, IDLE);
 }
 
@@ -30,6 +31,9 @@ static bool take_command(axt_register_exchange *exchange) {
 }
 
 void axt_register_exchange_run(axt_register_exchange *exchange, const axt_registers_port *node) {
+    if (atomic_exchange_explicit(&exchange->heard, false, memory_order_relaxed)) {
+        node->hear_host(node->context);
+    }
     const bool asked = take_command(exchange);
     if (asked) {
         exchange->exception =
@@ -52,6 +56,11 @@ static void snapshot(void *context, uint16_t registers[AXT_REGISTER_END]) {
     memcpy(registers, exchange->image[exchange->front], sizeof exchange->image[0]);
 }
 
+static void hear_host(void *context) {
+    axt_register_exchange *exchange = context;
+    atomic_store_explicit(&exchange->heard, true, memory_order_relaxed);
+}
+
 static void nap(void) {
     const struct timespec moment = {.tv_nsec = NAP_NS};
     (void)nanosleep(&moment, NULL);
@@ -68,7 +77,7 @@ static bool take_back(axt_register_exchange *exchange) {
                                                    memory_order_acquire, memory_order_relaxed);
 }
 
-static axt_modbus_exception command(void *context, uint16_t code, uint32_t argument,
+static axt_modbus_exception command(void *context, uint32_t code, uint32_t argument,
                                     uint16_t *result) {
     axt_register_exchange *exchange = context;
     exchange->code = code;
@@ -91,5 +100,6 @@ axt_registers_port axt_register_exchange_port(axt_register_exchange *exchange) {
     return (axt_registers_port){.history = exchange->history,
                                 .context = exchange,
                                 .snapshot = snapshot,
+                                .hear_host = hear_host,
                                 .command = command};
 }

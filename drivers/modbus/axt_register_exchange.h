@@ -21,8 +21,10 @@ typedef struct {
     unsigned back;      /* the image of the node's side */
     unsigned front;     /* that of the server's side */
 
+    atomic_bool heard; /* the host */
+
     atomic_int state; /* of the command */
-    uint16_t code;
+    uint32_t code;
     uint32_t argument;
     uint16_t result;
     axt_modbus_exception exception;

@@ -7,6 +7,7 @@ enum {
     HISTORY_FROM = AXT_REGISTER_HISTORY_FROM - AXT_REGISTER_WRITABLE_FIRST,
     WRITE_KEY = AXT_REGISTER_WRITE_KEY - AXT_REGISTER_WRITABLE_FIRST,
     ARGUMENT = AXT_REGISTER_ARGUMENT - AXT_REGISTER_WRITABLE_FIRST,
+    CONTROL_WORD = AXT_REGISTER_CONTROL_WORD - AXT_REGISTER_WRITABLE_FIRST,
     CODE = AXT_REGISTER_CODE - AXT_REGISTER_WRITABLE_FIRST
 };
 
@@ -52,6 +53,10 @@ static void turn_key(axt_registers_client *client, uint16_t key) {
     }
 }
 
+static bool touches(const axt_modbus_request *request, uint32_t address) {
+    return is_inside(address, 1, request->write_address, request->write_count);
+}
+
 static uint32_t written_uint32(const axt_registers_client *client, uint32_t place) {
     return (uint32_t)client->written[place] << 16 | client->written[place + 1];
 }
@@ -65,11 +70,18 @@ static axt_modbus_exception write(const axt_registers_port *port, axt_registers_
     if (is_write_key(request)) {
         turn_key(client, client->written[WRITE_KEY]);
     }
-    if (!is_inside(AXT_REGISTER_CODE, 1, request->write_address, request->write_count)) {
-        return AXT_MODBUS_OK;
+    axt_modbus_exception exception = AXT_MODBUS_OK;
+    if (touches(request, AXT_REGISTER_CODE)) {
+        exception = port->command(port->context, client->written[CODE],
+                                  written_uint32(client, ARGUMENT), &client->result);
     }
-    return port->command(port->context, client->written[CODE], written_uint32(client, ARGUMENT),
-                         &client->result);
+    if (exception == AXT_MODBUS_OK && (touches(request, AXT_REGISTER_CONTROL_WORD) ||
+                                       touches(request, AXT_REGISTER_TARGET_TORQUE))) {
+        uint16_t none;
+        exception = port->command(port->context, AXT_REGISTERS_CONTROL,
+                                  written_uint32(client, CONTROL_WORD), &none);
+    }
+    return exception;
 }
 
 static void show_history(const axt_history *history, uint32_t from, uint16_t *registers) {
@@ -115,6 +127,9 @@ axt_modbus_exception axt_registers_serve(const axt_registers_port *port,
     axt_registers_expire(client, now);
     if (client->lock == AXT_REGISTERS_KEY_IN && !is_write_key(request)) {
         client->lock = AXT_REGISTERS_LOCKED; /* the second key has to come at once */
+    }
+    if (client->lock == AXT_REGISTERS_ENABLED) {
+        port->hear_host(port->context);
     }
     const bool writes = request->write_count > 0;
     const bool reads = request->read_count > 0;

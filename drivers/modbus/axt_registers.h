@@ -19,19 +19,23 @@ enum {
     AXT_REGISTERS_KEY_FIRST = 0x4158, /* what WriteKey wants to see, one after the other */
     AXT_REGISTERS_KEY_SECOND = 0x5457
 };
-enum { AXT_REGISTERS_NOT_NOW = 3 }; /* of register Result: what AXT_MODBUS_BUSY goes with */
+enum { AXT_REGISTERS_CONTROL = 0x10000 }; /* argument: control word, and torque in the low half */
+enum { AXT_REGISTERS_NOT_NOW = 3 };       /* of register Result: what AXT_MODBUS_BUSY goes with */
 /* Writing is enabled this long after a write [us]. */
 #define AXT_REGISTERS_ENABLED_US UINT32_C(10000000)
 
 /* What the registers show and do: the node, or another thread's way to it. */
 typedef struct {
     const axt_history *history; /* of the node; may be read from any thread */
-    void *context;              /* handed to the next two */
+    void *context;              /* handed to the next three */
     /* Fills in what is the same for all clients, as it is now, and 0 elsewhere. */
     void (*snapshot)(void *context, uint16_t registers[AXT_REGISTER_END]);
-    /* Carries out a command. AXT_MODBUS_OK; _ILLEGAL_VALUE or _REFUSED; _BUSY when it may be tried
-     * again at once. `result` is what register Result shows then. */
-    axt_modbus_exception (*command)(void *context, uint16_t code, uint32_t argument,
+    /* A host that may give commands has been heard. */
+    void (*hear_host)(void *context);
+    /* Carries out a command: a code of the table, or AXT_REGISTERS_CONTROL. AXT_MODBUS_OK;
+     * _ILLEGAL_VALUE or _REFUSED; _BUSY when it may be tried again at once. `result` is what
+     * register Result shows then. */
+    axt_modbus_exception (*command)(void *context, uint32_t code, uint32_t argument,
                                     uint16_t *result);
 } axt_registers_port;
 

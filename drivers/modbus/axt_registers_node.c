@@ -4,10 +4,7 @@
 
 #include "axt_contract.h"
 #include "axt_node_command.h"
-
-static uint32_t count_of(const _Atomic uint32_t *counter) {
-    return atomic_load_explicit(counter, memory_order_relaxed);
-}
+#include "axt_node_shared.h"
 
 static void show_identity(const axt_node *node, uint16_t *registers) {
     const axt_node_config *config = &node->config;
@@ -22,9 +19,36 @@ static void show_identity(const axt_node *node, uint16_t *registers) {
 }
 
 static void show_counters(const axt_node *node, uint16_t *registers) {
-    axt_registers_put_uint32(registers, AXT_REGISTER_OVERRUNS, count_of(&node->overruns));
-    axt_registers_put_uint32(registers, AXT_REGISTER_LOST_SAMPLES, count_of(&node->lost));
-    axt_registers_put_uint32(registers, AXT_REGISTER_REJECTED_SAMPLES, count_of(&node->rejected));
+    const axt_can_health *health = &node->port.can->health;
+    const struct {
+        uint16_t address;
+        uint32_t count;
+    } counters[] = {
+        {AXT_REGISTER_OVERRUNS, axt_node_other(&node->overruns)},
+        {AXT_REGISTER_LOST_SAMPLES, axt_node_other(&node->lost)},
+        {AXT_REGISTER_REJECTED_SAMPLES, axt_node_other(&node->rejected)},
+        {AXT_REGISTER_LIMITED_SAMPLES, axt_node_other(&node->limited)},
+        {AXT_REGISTER_FAULTS, axt_node_other(&node->faults)},
+        {AXT_REGISTER_REFUSED_COMMANDS, node->refused},
+        {AXT_REGISTER_LOST_FRAMES, health->overflows},
+        {AXT_REGISTER_BUS_ERRORS, health->error_frames},
+        {AXT_REGISTER_BUS_OFFS, health->bus_off},
+        {AXT_REGISTER_BUS_OUTAGES, health->outages},
+    };
+    for (uint32_t i = 0; i < sizeof counters / sizeof counters[0]; i++) {
+        axt_registers_put_uint32(registers, counters[i].address, counters[i].count);
+    }
+}
+
+static void show_drive(const axt_node *node, uint16_t *registers) {
+    const uint32_t status = axt_node_other(&node->status);
+    registers[AXT_REGISTER_STATUS_WORD] = axt_node_status_word(status);
+    registers[AXT_REGISTER_ERROR_CODE] = axt_node_error_code(status);
+    registers[AXT_REGISTER_TORQUE_LIMIT] = node->limits.torque;
+    axt_registers_put_uint32(registers, AXT_REGISTER_SPEED_LIMIT, node->limits.speed);
+    axt_registers_put_int32(registers, AXT_REGISTER_TRAVEL_MIN, node->limits.travel_min);
+    axt_registers_put_int32(registers, AXT_REGISTER_TRAVEL_MAX, node->limits.travel_max);
+    registers[AXT_REGISTER_HOST_TIMEOUT] = node->host_timeout;
 }
 
 static void show_axis(uint16_t *registers, uint32_t first, const axt_axis *axis,
@@ -62,7 +86,6 @@ static void show_sample(const axt_node *node, uint16_t *registers) {
         return;
     }
     const axt_history_sample *newest = &samples[count - 1];
-    registers[AXT_REGISTER_STATUS_WORD] = newest->status_word;
     axt_registers_put_uint32(registers, AXT_REGISTER_SAMPLE_COUNTER, newest->n);
     axt_registers_put_int32(registers, AXT_REGISTER_MOTOR_POSITION,
                             newest->position[AXT_ENCODER_MOTOR]);
@@ -83,10 +106,15 @@ static void snapshot(void *context, uint16_t registers[AXT_REGISTER_END]) {
     show_identity(view->node, registers);
     show_sample(view->node, registers);
     show_counters(view->node, registers);
+    show_drive(view->node, registers);
     show_estimate(view->node, registers);
     view->sequence++;
     registers[AXT_REGISTER_SEQUENCE] = view->sequence;
     registers[AXT_REGISTER_SEQUENCE_END] = view->sequence;
+}
+
+static void hear_host(void *context) {
+    axt_node_hear_host(((axt_registers_node *)context)->node);
 }
 
 static axt_node_result set_history(axt_node *node, uint32_t decimation) {
@@ -98,7 +126,7 @@ static axt_node_result set_history(axt_node *node, uint32_t decimation) {
 }
 
 /* A command of the CAN contract, as the frame that would have brought it. */
-static axt_node_result execute(axt_node *node, uint16_t code, uint32_t argument) {
+static axt_node_result execute(axt_node *node, uint32_t code, uint32_t argument) {
     axt_can_frame frame = {.id = AXT_CONTRACT_COMMAND_FRAME_ID + node->config.id,
                            .length = AXT_CONTRACT_COMMAND_LENGTH};
     if (code > UINT8_MAX) {
@@ -111,16 +139,28 @@ static axt_node_result execute(axt_node *node, uint16_t code, uint32_t argument)
     return axt_node_execute(node, &frame);
 }
 
-static axt_modbus_exception command(void *context, uint16_t code, uint32_t argument,
+/* Any of them. Whether a control word was followed is for the status word to say, as on CAN. */
+static axt_node_result carry_out(axt_node *node, uint32_t code, uint32_t argument) {
+    switch (code) {
+    case AXT_REGISTERS_CONTROL:
+        axt_node_order_control(node, (uint16_t)(argument >> 16), (int16_t)(uint16_t)argument);
+        return AXT_NODE_DONE;
+    case AXT_REGISTERS_HISTORY_COMMAND:
+        return set_history(node, argument);
+    default:
+        return execute(node, code, argument);
+    }
+}
+
+static axt_modbus_exception command(void *context, uint32_t code, uint32_t argument,
                                     uint16_t *result) {
     axt_node *node = ((axt_registers_node *)context)->node;
-    if (!axt_node_can_order(node)) {
+    if (node->control_ordered || !axt_node_can_order(node)) {
         *result = AXT_REGISTERS_NOT_NOW;
         return AXT_MODBUS_BUSY;
     }
-    const axt_node_result done = (code == AXT_REGISTERS_HISTORY_COMMAND)
-                                     ? set_history(node, argument)
-                                     : execute(node, code, argument);
+    const axt_node_result done = carry_out(node, code, argument);
+    node->refused += (done == AXT_NODE_DONE) ? 0 : 1;
     *result = (uint16_t)done;
     switch (done) {
     case AXT_NODE_DONE:
@@ -135,6 +175,9 @@ static axt_modbus_exception command(void *context, uint16_t code, uint32_t argum
 
 axt_registers_port axt_registers_node_port(axt_registers_node *view, axt_node *node) {
     *view = (axt_registers_node){.node = node};
-    return (axt_registers_port){
-        .history = &node->history, .context = view, .snapshot = snapshot, .command = command};
+    return (axt_registers_port){.history = &node->history,
+                                .context = view,
+                                .snapshot = snapshot,
+                                .hear_host = hear_host,
+                                .command = command};
 }

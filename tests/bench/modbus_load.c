@@ -32,7 +32,7 @@ static bool connect_to(client *c, uint16_t port) {
            setsockopt(c->socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on) == 0;
 }
 
-/* Reads the block State. */
+/* Reads the first registers of block State. */
 static bool ask(client *c) {
     c->transaction++;
     const uint8_t request[] = {(uint8_t)(c->transaction >> 8),

@@ -187,13 +187,13 @@ def use_as_pymodbus_does(client: ModbusTcpClient | ModbusSerialClient, unit: int
     assert not client.write_registers(ARGUMENT, command, device_id=unit).isError()
     both = client.readwrite_registers(
         read_address=WRITE_KEY,
-        read_count=6,
+        read_count=8,
         write_address=ARGUMENT,
         address=0,
         values=[0, 25, HISTORY_DECIMATION],
         device_id=unit,
     )
-    assert both.registers == [KEYS[1], 0, 25, HISTORY_DECIMATION, 0, 1]
+    assert both.registers == [KEYS[1], 0, 25, HISTORY_DECIMATION, 0, 0, 0, 1]
     assert client.read_coils(0, count=1, device_id=unit).exception_code == 1
     assert client.read_holding_registers(9999, count=1, device_id=unit).exception_code == 2
     refused = client.write_registers(ARGUMENT, [0, 0, HISTORY_DECIMATION], device_id=unit)
@@ -593,6 +593,29 @@ def test_nobody_commands_without_the_keys_nor_with_another_clients(emulator: Ser
         assert owner.ask(write_pdu(WRITE_KEY, 0)) == write_pdu(WRITE_KEY, 0)
         assert owner.ask(command) == b"\x90\x02"
     assert keeps_history(emulator, 77)
+
+
+def test_a_drive_whose_host_falls_silent_stops_whoever_else_reads(emulator: Server) -> None:
+    """Enabled over Modbus; then its client says nothing more, while another goes on reading."""
+    word, torque = (TABLE.registers[name].address for name in ("ControlWord", "Torque"))
+    status = TABLE.registers["StatusWord"].address
+
+    def state(client: Raw) -> int:
+        return int.from_bytes(client.ask(read_pdu(status, 1))[2:], "big") & 0x6F
+
+    def becomes(client: Raw, wanted: int) -> bool:
+        deadline = time.monotonic() + 20
+        while state(client) != wanted and time.monotonic() < deadline:
+            time.sleep(0.01)
+        return state(client) == wanted
+
+    with Raw(emulator.port) as host, Raw(emulator.port) as other:
+        unlock(host)
+        for control, setpoint, wanted in ((0, 0, 0x40), (6, 0, 0x21), (7, 0, 0x23), (15, 99, 0x27)):
+            host.ask(struct.pack(">BHHBHh", 16, word, 2, 4, control, setpoint))
+            assert becomes(host, wanted)
+        assert becomes(other, 0x08)
+        assert other.ask(read_pdu(torque, 1)) == b"\x03\x02\0\0"
 
 
 def test_a_damaged_line_gives_no_wrong_values(on_line: tuple[Line, int]) -> None:

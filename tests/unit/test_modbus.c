@@ -317,15 +317,69 @@ CASE(function_23_writes_first_and_reads_what_came_of_it) {
     bench *b = bench_new();
     unlock(b);
     rig_run(b->r, 2);
-    /* argument 7, code ExcitationSeed, and back come argument, code, result, enabled */
-    CHECK_EQUAL(ASK(b, 23, 1, ARGUMENT, 0, 5, 1, ARGUMENT, 0, 3, 6, 0, 0, 0, 7, 0,
+    /* argument 7, code ExcitationSeed; back come these, no control, result and enabled */
+    CHECK_EQUAL(ASK(b, 23, 1, ARGUMENT, 0, 7, 1, ARGUMENT, 0, 3, 6, 0, 0, 0, 7, 0,
                     AXT_CONTRACT_COMMAND_CODE_EXCITATION_SEED_CHOICE),
                 AXT_MODBUS_OK);
     const uint8_t expected[] = {
-        23, 10, 0, 0, 0, 7, 0, AXT_CONTRACT_COMMAND_CODE_EXCITATION_SEED_CHOICE, 0, 0, 0, 1};
+        23, 14, 0, 0, 0, 7, 0, AXT_CONTRACT_COMMAND_CODE_EXCITATION_SEED_CHOICE,
+        0,  0,  0, 0, 0, 0, 0, 1};
     CHECK_EQUAL(b->length, sizeof expected);
     CHECK(memcmp(b->answer, expected, sizeof expected) == 0);
     CHECK_EQUAL(b->r->node.excitation.seed, 7);
+    bench_end(b);
+}
+
+/* A control word and a set-point in one request of function 16. */
+static void control(bench *b, uint16_t word, int16_t torque) {
+    const uint16_t raw = (uint16_t)torque;
+    CHECK_EQUAL(ASK(b, 16, 1, AXT_REGISTER_CONTROL_WORD & 0xFF, 0, 2, 4, (uint8_t)(word >> 8),
+                    (uint8_t)word, (uint8_t)(raw >> 8), (uint8_t)raw),
+                AXT_MODBUS_OK);
+    rig_run(b->r, 3);
+}
+
+CASE(a_client_with_the_keys_has_the_drive_under_its_control_while_it_is_heard) {
+    bench *b = bench_new();
+    b->r->config.stream_decimation = 1;
+    unlock(b);
+    control(b, AXT_CONTRACT_CONTROL_CONTROL_WORD_SHUTDOWN_CHOICE, 0);
+    control(b, AXT_CONTRACT_CONTROL_CONTROL_WORD_SWITCH_ON_CHOICE, 0);
+    control(b, AXT_CONTRACT_CONTROL_CONTROL_WORD_ENABLE_OPERATION_CHOICE, 50);
+    CHECK_EQUAL(read_uint16(b, AXT_REGISTER_STATUS_WORD) & AXT_CIA402_STATE_MASK,
+                AXT_CIA402_OPERATION_ENABLED);
+    CHECK_EQUAL(b->r->node.target_torque, 50);
+    /* one register alone goes with the other as last written */
+    CHECK_EQUAL(write_one(b, AXT_REGISTER_TARGET_TORQUE, (uint16_t)-70), AXT_MODBUS_OK);
+    rig_run(b->r, 20);
+    CHECK_EQUAL(b->r->node.target_torque, -70);
+    CHECK_EQUAL((int16_t)read_uint16(b, AXT_REGISTER_TORQUE), -70);
+    /* reading is being heard; silence is not: 400 ms of 0.1 ms periods */
+    for (uint32_t i = 0; i < 10; i++) {
+        rig_run(b->r, 3900);
+        (void)read_uint16(b, AXT_REGISTER_STATUS_WORD);
+        CHECK_EQUAL(b->r->node.target_torque, -70);
+    }
+    rig_run(b->r, 4100);
+    CHECK_EQUAL(read_uint16(b, AXT_REGISTER_STATUS_WORD) & AXT_CIA402_STATE_MASK, AXT_CIA402_FAULT);
+    CHECK_EQUAL(read_uint16(b, AXT_REGISTER_ERROR_CODE),
+                AXT_CONTRACT_EMERGENCY_ERROR_CODE_HOST_HEARTBEAT_LOST_CHOICE);
+    CHECK_EQUAL(read_uint32(b, AXT_REGISTER_FAULTS), 1);
+    CHECK_NEAR(b->r->log[b->r->log_count - 1].torque, 0, 0);
+    bench_end(b);
+}
+
+CASE(a_client_without_the_keys_is_no_host) {
+    bench *b = bench_new();
+    rig_enable(b->r);
+    b->r->host = false; /* that host dies; somebody goes on reading */
+    for (uint32_t i = 0; i < 10; i++) {
+        rig_run(b->r, 500);
+        (void)read_uint16(b, AXT_REGISTER_STATUS_WORD);
+    }
+    CHECK_EQUAL(rig_state(b->r), AXT_CIA402_FAULT);
+    CHECK_EQUAL(ASK(b, 16, 1, AXT_REGISTER_CONTROL_WORD & 0xFF, 0, 2, 4, 0, 128, 0, 0),
+                AXT_MODBUS_ILLEGAL_ADDRESS);
     bench_end(b);
 }
 
@@ -478,6 +532,8 @@ int main(void) {
     RUN(nothing_is_commanded_before_both_keys_or_after_ten_seconds);
     RUN(a_command_that_is_refused_says_why);
     RUN(function_23_writes_first_and_reads_what_came_of_it);
+    RUN(a_client_with_the_keys_has_the_drive_under_its_control_while_it_is_heard);
+    RUN(a_client_without_the_keys_is_no_host);
     RUN(a_request_on_the_line_is_answered_after_the_silence_and_no_sooner);
     RUN(any_single_bit_error_is_silence);
     RUN(silence_parts_frames_and_nothing_else_does);

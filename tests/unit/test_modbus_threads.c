@@ -88,6 +88,7 @@ CASE(samples_of_the_history_are_whole_and_evenly_spaced) {
 typedef struct {
     uint16_t shown;
     uint32_t sum;
+    uint32_t heard;
     uint32_t busy; /* times that the next command is put off */
     axt_registers_port port;
     axt_register_exchange exchange;
@@ -101,7 +102,12 @@ static void show(void *context, uint16_t registers[AXT_REGISTER_END]) {
     }
 }
 
-static axt_modbus_exception add(void *context, uint16_t code, uint32_t argument, uint16_t *result) {
+static void beat(void *context) {
+    counting *c = context;
+    c->heard++;
+}
+
+static axt_modbus_exception add(void *context, uint32_t code, uint32_t argument, uint16_t *result) {
     counting *c = context;
     if (c->busy > 0) {
         c->busy--;
@@ -109,7 +115,7 @@ static axt_modbus_exception add(void *context, uint16_t code, uint32_t argument,
     }
     c->sum += argument;
     c->busy = argument % 3;
-    *result = code;
+    *result = (uint16_t)code;
     return AXT_MODBUS_OK;
 }
 
@@ -129,7 +135,8 @@ CASE(snapshots_and_commands_pass_whole_between_threads) {
     uint32_t torn = 0;
     uint16_t last = 0;
     uint32_t sum = 0;
-    c.port = (axt_registers_port){.context = &c, .snapshot = show, .command = add};
+    c.port =
+        (axt_registers_port){.context = &c, .snapshot = show, .hear_host = beat, .command = add};
     done = false;
     axt_register_exchange_init(&c.exchange, NULL);
     axt_register_exchange_run(&c.exchange, &c.port);
@@ -145,6 +152,7 @@ CASE(snapshots_and_commands_pass_whole_between_threads) {
     }
     for (uint32_t i = 0; i < COMMANDS; i++) {
         uint16_t result = 0;
+        server.hear_host(server.context);
         CHECK_EQUAL(server.command(server.context, (uint16_t)i, i, &result), AXT_MODBUS_OK);
         CHECK_EQUAL(result, i);
         sum += i;
@@ -153,6 +161,7 @@ CASE(snapshots_and_commands_pass_whole_between_threads) {
     CHECK_EQUAL(pthread_join(thread, NULL), 0);
     CHECK_EQUAL(torn, 0);
     CHECK_EQUAL(c.sum, sum);
+    CHECK(c.heard > 0 && c.heard <= COMMANDS);
 }
 
 CASE(a_command_that_nobody_comes_for_is_taken_back) {
