@@ -34,6 +34,7 @@ typedef struct {
     axt_rls rls[FORMS];
     axt_ident from_motion[FORMS];
     axt_ident from_counts[FORMS];
+    axt_monitor monitor;
 } subjects;
 
 /* What the calls of one control period are given. */
@@ -62,6 +63,8 @@ static void set_up(void) {
     subject.plant = subject.drive.plant;
     subject.filter = subject.drive.ident.regressor.filter;
     axt_filter_start(&subject.channel, 0.0F);
+    const axt_monitor_config monitor = {.batch = 100, .learning = 20, .false_alarm = 1e9F};
+    require(axt_monitor_init(&subject.monitor, &monitor));
     for (int i = 0; i < FORMS; i++) {
         const axt_ident_config motion = drive_ident_config(form[i].form, 0.999F, false);
         const axt_ident_config counts = drive_ident_config(form[i].form, 0.999F, true);
@@ -104,6 +107,8 @@ static void use_sample(const sample *x) {
         COUNTED(form[i].ident_counts,
                 axt_ident_counts(counts, counts->guard.next, x->count[0], x->count[1], x->torque));
     }
+    const axt_equation *const equation = &subject.from_counts[0].equation;
+    COUNTED("monitor_step", axt_monitor_step(&subject.monitor, equation));
 }
 
 static void run(uint32_t samples) {
@@ -202,6 +207,7 @@ int main(void) {
     set_up();
     counter_section("starting");
     run(2 * DRIVE_PERIOD); /* until filters have settled and estimates stand */
+    require(axt_monitor_start(&subject.monitor, &subject.from_counts[0]));
     counter_section("running");
     run(RUNNING);
     if (subject.drive.faults != 0 || subject.identifying.faults != 0) {
