@@ -9,8 +9,8 @@ when it begins, and one for each frame that was harmed, as candump writes it: `1
     drop        it does not arrive
     duplicate   it arrives twice
     swap        it arrives after the next one with its id
-    delay       it arrives after the next 20 with its id
-    cut         it arrives without its last two bytes
+    delay       it arrives after the next 8 with its id
+    cut         it arrives in the length before its own: 7 bytes for 8, 48 for 64
     count       it arrives with another sample counter, 8 off
 """
 
@@ -31,7 +31,8 @@ Send = Callable[[bytes], object]
 _HEADER = struct.Struct("=IBBxx")
 _FD_SIZE = _HEADER.size + 64
 _ID = 0x7FF
-_HOLD = {"swap": 1, "delay": 20}
+_HOLD = {"swap": 1, "delay": 8}
+_CUT = {8: 7, 64: 48}
 FAULTS = ("drop", "duplicate", "cut", "count", *_HOLD)
 
 
@@ -65,7 +66,7 @@ class Injector:
         elif self._fault in _HOLD:
             self._held[identifier] = (self._seen[identifier] + _HOLD[self._fault], frame)
         elif self._fault == "cut":
-            self._send(_HEADER.pack(identifier, length - 2, flags) + frame[_HEADER.size :])
+            self._send(_HEADER.pack(identifier, _CUT[length], flags) + frame[_HEADER.size :])
         elif self._fault == "count":
             counter = frame[_HEADER.size] ^ 8
             self._send(frame[: _HEADER.size] + bytes([counter]) + frame[_HEADER.size + 1 :])
