@@ -152,8 +152,8 @@ def test_a_log_that_is_taken_away_ends_it(drive: Path, tmp_path: Path, loss: str
 def test_other_formats_are_made_of_the_log_at_the_end(drive: Path, tmp_path: Path) -> None:
     for ending in (".asc", ".blf", ".mf4", ".trc", ".csv"):
         log, summary = tmp_path / f"run{ending}", tmp_path / "run.json"
-        arguments = command(drive, log, "--duration", "1", "--json", str(summary))
-        subprocess.run(arguments, check=True, capture_output=True)
+        ran = run(command(drive, log, "--duration", "1", "--json", str(summary)))
+        assert ran.returncode == 0, ran.stderr
         record = read_record(log)
         assert len(record.missing) == 0
         found = json.loads(summary.read_text())
@@ -203,6 +203,9 @@ def test_fd_frames_are_kept_in_every_format_that_takes_them(ending: str, tmp_pat
 
 
 def test_a_format_that_takes_no_fd_frames_is_not_made(tmp_path: Path) -> None:
+    ran = run(command(tmp_path / "nothing", tmp_path / "fd.trc", "--fd"))
+    assert ran.returncode == 2
+    assert "TRC logs take no FD frames" in ran.stderr
     log = LogFile(tmp_path / "fd.trc", Terminal())
     for message in messages_of(flexible(60).sent):
         log(message)

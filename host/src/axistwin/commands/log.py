@@ -130,6 +130,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError(f"--duration has to be a positive time, not {arguments.duration}")
     path = Path(arguments.file or f"axistwin-{datetime.now():%Y%m%d-%H%M%S}.log")
     buslog.check_writable(path)
+    if getattr(arguments, "fd", False) and path.suffix.lower() == ".trc":
+        raise InputError(f"cannot write {path}: TRC logs take no FD frames")
     terminal = Terminal()
     failure: AxisTwinError | None = None
     with bus.nodes_of(arguments) as (shared, nodes):
