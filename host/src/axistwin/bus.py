@@ -85,7 +85,8 @@ _KNOWN_ERRORS = {
 }
 _LOGGING = ("critical", "info", "debug")
 _STREAMING_AFTER = {"StreamStart": True, "StreamStartFd": True, "StreamStop": False}
-_REFUSALS = {
+#: Why a command was refused, by the contract's name of the result.
+REFUSALS = {
     "UnknownCommand": "it does not know this command",
     "OutOfRange": "the argument is out of range",
     "NotNow": "not now",
@@ -460,7 +461,7 @@ class Node:
         if result != 0:
             what = f"{name} {argument:.10g}" if argument else name
             name = self.contract.names["Result"].get(result, "")
-            reason = _REFUSALS.get(name, f"result {result}")
+            reason = REFUSALS.get(name, f"result {result}")
             raise CommandRefusedError(f"node {self.id} refuses {what}: {reason}")
 
     def _receive(self, timeout: float) -> can.Message | None:

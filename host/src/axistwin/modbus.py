@@ -19,6 +19,7 @@ from pymodbus.client.base import ModbusBaseSyncClient
 from pymodbus.exceptions import ModbusException
 from pymodbus.pdu import ModbusPDU
 
+from axistwin.bus import REFUSALS
 from axistwin.contract import NODES, load_contract
 from axistwin.core import Axis, Estimate, Modal
 from axistwin.errors import (
@@ -52,17 +53,6 @@ _EXCEPTIONS = {
     4: "it refuses",
     _BUSY: "not now",
     11: "there is no node of this id here",
-}
-_RESULTS = {
-    1: "it does not know this command",
-    2: "the argument is out of range",
-    3: "not now",
-    4: "it has no room for that",
-    5: "operation is not enabled",
-    6: "not while operation is enabled",
-    7: "its state does not allow that",
-    8: "it hears no heartbeat of a host",
-    9: "its bus has no CAN FD",
 }
 _WRAP = 1 << 32
 
@@ -315,8 +305,8 @@ class Client:
 
     def _refusal(self, answer: ModbusPDU) -> str:
         result = self.read("Client")["Result"]
-        known = _RESULTS.get(cast(int, result))
-        return known or _EXCEPTIONS.get(answer.exception_code, f"result {result}")
+        named = load_contract().names["Result"].get(cast(int, result), "")
+        return REFUSALS.get(named) or _EXCEPTIONS.get(answer.exception_code, f"result {result}")
 
 
 class HistoryLog:
