@@ -425,6 +425,19 @@ def test_a_node_that_is_behind_has_started_afresh() -> None:
     assert log.next == 0
 
 
+def test_a_log_excites_the_axis_and_leaves_it_as_it_was(cli: Cli, tmp_path: Path) -> None:
+    file = tmp_path / "excited.csv"
+    with server(SANITIZED, "--modbus", "tcp:0") as started:
+        status, _, messages = cli(
+            "log", *tcp(started), "--excite", "--duration", "1.5", "-f", str(file)
+        )
+        assert status == 0, messages
+        _, output, _ = cli("read", *tcp(started), "StatusWord", "Torque", "Faults", "--json", "-")
+        left = json.loads(output)
+    assert np.std(read_record(file).torque) > 0.1
+    assert (left["StatusWord"] & 0x6F, left["Torque"], left["Faults"]) == (0x40, 0, 0)
+
+
 def test_registers_are_read_and_commands_given(emulator: Server, cli: Cli) -> None:
     status, output, _ = cli("read", *tcp(emulator), "NodeId", "TestFloat", "--json", "-")
     assert (status, json.loads(output)) == (0, {"NodeId": 1, "TestFloat": pytest.approx(np.pi)})

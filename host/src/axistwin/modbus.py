@@ -6,10 +6,11 @@ Everything of one block is read with one request, so its values are of one momen
 from __future__ import annotations
 
 import argparse
+import contextlib
 import functools
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from typing import Any, cast
 
@@ -46,6 +47,10 @@ _BUSY = 6
 _BUSY_TRIES = 10
 _BUSY_PAUSE = 0.01
 _ANSWER_MAX = 2.0
+
+# Bit 8 of the status word: the excitation plays, once it has been filled in line by line [s].
+_EXCITED = 0x0100
+_FILLING_MAX = 30.0
 _EXCEPTIONS = {
     1: "it does not serve this function",
     2: "it has no such register, or does not let this be written",
@@ -229,6 +234,44 @@ class Client:
         if answer.isError():
             raise CommandRefusedError(f"node {self.id} refuses {name}: {self._refusal(answer)}")
 
+    def control(self, word: str, state: str) -> None:
+        """Gives a CiA 402 control word by its name in the contract, set-point 0.
+
+        Waits until the drive is in ``state``, likewise named; raises CommandRefusedError when it
+        does not get there. An enabled drive wants a request at least every HostTimeout.
+        """
+        contract = load_contract()
+        words: dict[int, Any] = dict(contract.signal("Control", "ControlWord").choices or {})
+        number = next(value for value, name in words.items() if str(name) == word)
+        if not self._enabled:
+            self._unlock()
+        address = self._table.registers["ControlWord"].address
+        self._ask(
+            lambda: self._line.write_registers(address, [number, 0], device_id=self.id),
+            f"writing ControlWord {word}",
+        )
+        if not self._becomes(lambda status: contract.names["DriveState"].get(status & 0x6F), state):
+            raise CommandRefusedError(f"node {self.id} does not follow {word}: {self._fault()}")
+
+    @contextlib.contextmanager
+    def excited(self) -> Iterator[None]:
+        """The drive is enabled and the excitation plays inside; afterwards neither.
+
+        Raises CommandRefusedError as command() and control().
+        """
+        try:
+            self.control("Shutdown", "ReadyToSwitchOn")
+            self.control("SwitchOn", "SwitchedOn")
+            self.control("EnableOperation", "OperationEnabled")
+            self.command("ExcitationOn")
+            if not self._becomes(lambda status: status & _EXCITED, _EXCITED):
+                raise CommandRefusedError(f"node {self.id} does not apply the excitation")
+            yield
+        finally:
+            with contextlib.suppress(BusError):  # what ended this has been said already
+                self.command("ExcitationOff")
+                self.control("DisableVoltage", "SwitchOnDisabled")
+
     def keep_history(self, decimation: int) -> None:
         """Keeps a sample every so many control periods from now on, and waits until it does.
 
@@ -259,6 +302,18 @@ class Client:
             Modal(*columns("Error", modal)),
             (I1, I2, B, K),
         )
+
+    def _becomes(self, reading: Callable[[int], object], wanted: object) -> bool:
+        """Does what is read from the status word become this before long?"""
+        deadline = time.monotonic() + _FILLING_MAX
+        while (found := reading(int(cast(int, self.read("State")["StatusWord"])))) != wanted:
+            if time.monotonic() > deadline:
+                return False
+        return found == wanted
+
+    def _fault(self) -> str:
+        state = self.read("State")
+        return f"status word 0x{state['StatusWord']:04X}, error 0x{state['ErrorCode']:04X}"
 
     def _identify(self) -> dict[str, Value]:
         if not self._line.connect():

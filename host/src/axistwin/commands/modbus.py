@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import time
 from collections.abc import Callable
 from datetime import datetime
@@ -14,6 +15,9 @@ from axistwin.output import write_json
 from axistwin.record import write_csv
 from axistwin.registers import Register, Value, load_table
 from axistwin.terminal import Terminal
+
+# Between two reads [s]: a drive that is enabled wants to hear its host.
+_INTERVAL_MAX = 0.1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,6 +53,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     log.add_argument(
         "--rate", type=float, metavar="HZ", help="samples a second (default: the node's own)"
+    )
+    log.add_argument(
+        "--excite",
+        action="store_true",
+        help="enable the drive and switch the excitation on meanwhile, both off at the end",
     )
     log.add_argument("--json", metavar="FILE", help="write the summary here (-: standard output)")
     log.set_defaults(carry_out=_log)
@@ -115,7 +124,8 @@ def _log(
     logged = _Log(client, identity, decimation, terminal)
     failure: BusError | None = None
     try:
-        logged.poll(arguments)
+        with client.excited() if arguments.excite else contextlib.nullcontext():
+            logged.poll(arguments)
     except BusError as error:
         failure = error
     except KeyboardInterrupt:
@@ -170,7 +180,7 @@ class _Log:
         self._terminal = terminal
         self._begin = time.monotonic()
         self._length = load_table().registers["HistoryTorque"].length
-        self._interval = self._length * decimation * period
+        self._interval = min(self._length * decimation * period, _INTERVAL_MAX)
         self._decimation = decimation
 
     def elapsed(self) -> float:
