@@ -231,6 +231,7 @@ def names(database: Database) -> Iterator[str]:
     where = {
         "Result": "how a command or a control word ended",
         "DriveState": "`StatusWord & 0x6F`",
+        "DriftState": "Flags of report page Drift",
         "TraceState": "Flags of report page TraceCaptured",
     }
     for name, values in value_tables(database).items():

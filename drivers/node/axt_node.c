@@ -12,6 +12,9 @@
 enum {
     ESTIMATE_PERIOD_MS = 200,
     STATE_PERIOD_MS = 1000,
+    BATCH_MS = 100, /* of the drift alarm, at least BATCH_MIN samples */
+    BATCH_MIN = 100,
+    LEARNING_BATCHES = 50,
     FRAMES_PER_CALL = 64, /* bounds of one call of the background */
     RECEIVED_PER_CALL = 16,
     CHECKED_PER_CALL = 32 /* samples of the trace added to its checksum */
@@ -424,6 +427,17 @@ static axt_status check_config(const axt_node_config *config) {
     return axt_schroeder_check(&config->excitation);
 }
 
+/* Batches of 100 ms, and a false alarm in 11 days of motion. */
+static axt_status init_monitor(axt_node *node) {
+    const uint32_t batch = axt_node_periods(node, BATCH_MS);
+    const axt_monitor_config config = {.batch = (batch > BATCH_MIN) ? batch : BATCH_MIN,
+                                       .learning = LEARNING_BATCHES,
+                                       .false_alarm = (axt_real)1e7};
+    const axt_status status = axt_monitor_init(&node->monitor, &config);
+    node->new_monitor = node->monitor;
+    return status;
+}
+
 axt_status axt_node_init(axt_node *node, const axt_node_config *config, const axt_node_port *port) {
     const axt_status status = check_config(config);
     if (status != AXT_OK) {
@@ -472,7 +486,12 @@ axt_status axt_node_init(axt_node *node, const axt_node_config *config, const ax
         .torque = rated,
         .counts_per_turn = {config->counts_per_turn[0], config->counts_per_turn[1]},
     };
-    return axt_ident_init(&node->ident, &ident);
+    const axt_status identifies = axt_ident_init(&node->ident, &ident);
+    if (identifies != AXT_OK) {
+        return identifies;
+    }
+    node->ident_copy = node->ident;
+    return init_monitor(node);
 }
 
 void axt_node_stop(axt_node *node) {

@@ -35,6 +35,7 @@
 #include "axt_guard.h"
 #include "axt_history.h"
 #include "axt_ident.h"
+#include "axt_monitor.h"
 #include "axt_status.h"
 #include "axt_trace.h"
 
@@ -48,6 +49,7 @@ enum {
 /* Bits of CiA 402's status word (0x6041) beside the state. */
 enum {
     AXT_NODE_VOLTAGE_ENABLED = 0x0010, /* always: the emulated axis has no mains to lose */
+    AXT_NODE_WARNING = 0x0080,         /* the drift alarm */
     AXT_NODE_EXCITED = 0x0100,         /* the excitation plays */
     AXT_NODE_REMOTE = 0x0200,          /* a host has the drive under its control */
     AXT_NODE_LIMITED = 0x0800          /* the torque is limited at this sample */
@@ -130,6 +132,7 @@ typedef enum {
     AXT_NODE_ORDER_TORQUE,   /* argument: samples of the table to play, 0 stops */
     AXT_NODE_ORDER_TRACE,    /* argument: 0 stops, else see trace_settings */
     AXT_NODE_ORDER_LIMITS,   /* see limits and host_timeout */
+    AXT_NODE_ORDER_WATCH,    /* see new_monitor */
     AXT_NODE_ORDER_RESET,    /* of the estimator */
     AXT_NODE_ORDER_ESTIMATE, /* copy the estimator for the background */
 } axt_node_order;
@@ -159,6 +162,7 @@ typedef struct {
     axt_guard guard;
     axt_player player;
     axt_ident ident;
+    axt_monitor monitor;
     uint32_t heartbeats_seen;
     uint32_t patience_max; /* control periods to go on without a heartbeat, and ... */
     uint32_t patience;     /* ... how many of these are left */
@@ -181,6 +185,8 @@ typedef struct {
     _Atomic uint32_t rejected; /* samples the estimator refused */
     _Atomic uint32_t limited;  /* samples with limited torque */
     _Atomic uint32_t faults;
+    _Atomic uint32_t
+        drift; /* state of the monitor, its reasons from bit 8, alarms from bit 16 on */
     _Atomic uint32_t overruns;
 
     /* written by the background */
@@ -190,6 +196,7 @@ typedef struct {
     axt_node_order order;
     uint32_t order_argument;
     bool estimate_ordered;
+    axt_monitor new_monitor;  /* to take the place of the tick's */
     bool control_ordered;     /* a Control frame, and how it ended is not known yet */
     uint32_t control;         /* that frame, packed */
     uint32_t reported;        /* status that the bus knows of */

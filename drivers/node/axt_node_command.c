@@ -47,6 +47,22 @@ static axt_node_result reset_estimator(axt_node *node) {
     return AXT_NODE_DONE;
 }
 
+/* The model is that of the estimator's last copy, which the tick is not writing to: a command comes
+ * only once the tick has taken the last order. */
+static axt_node_result watch_drift(axt_node *node, uint32_t on) {
+    if (on > 1) {
+        return AXT_NODE_OUT_OF_RANGE;
+    }
+    axt_monitor wanted = node->new_monitor;
+    wanted.state = AXT_MONITOR_OFF;
+    if (on == 1 && axt_monitor_start(&wanted, &node->ident_copy) != AXT_OK) {
+        return AXT_NODE_NOT_NOW;
+    }
+    node->new_monitor = wanted;
+    axt_node_order_tick(node, AXT_NODE_ORDER_WATCH, 0);
+    return AXT_NODE_DONE;
+}
+
 static axt_node_result set_length(axt_node *node, uint32_t length) {
     if (length < LENGTH_MIN) {
         return AXT_NODE_OUT_OF_RANGE;
@@ -239,6 +255,8 @@ axt_node_result axt_node_execute(axt_node *node, const axt_can_frame *frame) {
         return stop_stream(node);
     case AXT_CONTRACT_COMMAND_CODE_ESTIMATOR_RESET_CHOICE:
         return reset_estimator(node);
+    case AXT_CONTRACT_COMMAND_CODE_DRIFT_WATCH_CHOICE:
+        return watch_drift(node, command.drift_watch);
     case AXT_CONTRACT_COMMAND_CODE_EXCITATION_LENGTH_CHOICE:
         return set_length(node, command.excitation_length);
     case AXT_CONTRACT_COMMAND_CODE_EXCITATION_FIRST_CHOICE:

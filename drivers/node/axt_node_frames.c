@@ -246,6 +246,18 @@ static void identity_page(const axt_node *node, struct axt_contract_report_t *re
     }
 }
 
+/* Pages 50 and 51. */
+static void drift_page(const axt_node *node, struct axt_contract_report_t *report) {
+    const uint32_t drift = axt_node_other(&node->drift);
+    report->sequence = node->estimate_sequence;
+    if (report->page == AXT_CONTRACT_REPORT_PAGE_DRIFT_CHOICE) {
+        report->flags = (uint8_t)(drift & 0xFF);
+        report->drift = drift >> 8 & 0xFF;
+    } else {
+        report->drift_alarms = drift >> 16;
+    }
+}
+
 /* Pages 46 to 49: what the ideal axis has not. */
 static void surplus_page(const axt_node *node, struct axt_contract_report_t *report) {
     const axt_estimate *found = &node->estimate;
@@ -335,7 +347,9 @@ static void estimate_page(const axt_node *node, struct axt_contract_report_t *re
 void axt_node_frame_report(const axt_node *node, uint8_t page, axt_can_frame *frame) {
     const uint64_t set = AXT_NODE_PAGE(page);
     struct axt_contract_report_t report = {.page = page, .sequence = node->state_sequence};
-    if ((set & AXT_NODE_PAGES_SURPLUS) != 0) {
+    if ((set & AXT_NODE_PAGES_DRIFT) != 0) {
+        drift_page(node, &report);
+    } else if ((set & AXT_NODE_PAGES_SURPLUS) != 0) {
         surplus_page(node, &report);
     } else if ((set & AXT_NODE_PAGES_ESTIMATE) != 0) {
         estimate_page(node, &report);

@@ -13,8 +13,9 @@
 #define AXT_NODE_PAGES_TRACE     UINT64_C(0x1F00)             /* 8 to 12 */
 #define AXT_NODE_PAGES_STATUS    UINT64_C(0xC000)             /* 14 and 15 */
 #define AXT_NODE_PAGES_COUNTERS  UINT64_C(0xFFFFC000)         /* 14 to 31 */
-#define AXT_NODE_PAGES_ESTIMATE  UINT64_C(0x3FFFF00000000)    /* 32 to 49 */
+#define AXT_NODE_PAGES_ESTIMATE  UINT64_C(0xFFFFF00000000)    /* 32 to 51 */
 #define AXT_NODE_PAGES_SURPLUS   UINT64_C(0x3C00000000000)    /* 46 to 49, a part of these */
+#define AXT_NODE_PAGES_DRIFT     UINT64_C(0xC000000000000)    /* 50 and 51, likewise */
 #define AXT_NODE_PAGES_LIMITS    UINT64_C(0x1F00000000000000) /* 56 to 60 */
 
 /* Live stream: motor and table half of a sample. */

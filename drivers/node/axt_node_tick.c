@@ -13,7 +13,8 @@ static bool enabled(const axt_node *node) {
 static uint16_t status_word(const axt_node *node) {
     return (uint16_t)((uint32_t)node->state | AXT_NODE_VOLTAGE_ENABLED |
                       (node->remote ? AXT_NODE_REMOTE : 0) |
-                      (node->excited ? AXT_NODE_EXCITED : 0));
+                      (node->excited ? AXT_NODE_EXCITED : 0) |
+                      ((node->monitor.state == AXT_MONITOR_ALARM) ? AXT_NODE_WARNING : 0));
 }
 
 static void publish_status(axt_node *node) {
@@ -140,6 +141,12 @@ static void set_limits(axt_node *node) {
     }
 }
 
+static void watch_drift(axt_node *node) {
+    const uint32_t alarms = node->monitor.alarms;
+    node->monitor = node->new_monitor;
+    node->monitor.alarms = alarms;
+}
+
 static void take_order(axt_node *node) {
     const uint32_t given = axt_node_other(&node->order_given);
     if (given == axt_node_own(&node->order_taken)) {
@@ -161,6 +168,9 @@ static void take_order(axt_node *node) {
         break;
     case AXT_NODE_ORDER_LIMITS:
         set_limits(node);
+        break;
+    case AXT_NODE_ORDER_WATCH:
+        watch_drift(node);
         break;
     case AXT_NODE_ORDER_RESET:
         axt_ident_reset(&node->ident);
@@ -213,9 +223,14 @@ static void learn(axt_node *node, const axt_node_sample *sample, axt_real torque
     const axt_status status =
         axt_ident_counts(&node->ident, (uint32_t)node->n, position[AXT_ENCODER_MOTOR],
                          position[AXT_ENCODER_TABLE], torque);
-    if (status != AXT_OK && status != AXT_ERROR_NO_DATA) {
+    const axt_monitor *monitor = &node->monitor;
+    if (status == AXT_OK) {
+        (void)axt_monitor_step(&node->monitor, &node->ident.equation);
+    } else if (status != AXT_ERROR_NO_DATA) {
         axt_node_count(&node->rejected, 1);
     }
+    const uint32_t alarms = (monitor->alarms < UINT16_MAX) ? monitor->alarms : UINT16_MAX;
+    axt_node_publish(&node->drift, (uint32_t)monitor->state | monitor->reasons << 8 | alarms << 16);
 }
 
 static uint32_t ring_room(const axt_node *node) {

@@ -7,7 +7,7 @@
 #include "node_rig.h"
 #include "reference.h"
 
-enum { IDENTIFY = 1, STREAM_START, STREAM_STOP, ESTIMATOR_RESET, STREAM_START_FD };
+enum { IDENTIFY = 1, STREAM_START, STREAM_STOP, ESTIMATOR_RESET, STREAM_START_FD, DRIFT_WATCH };
 enum { LENGTH = 16, FIRST, STRIDE, LINES, SEED, RMS, EXCITATION_ON, EXCITATION_OFF };
 enum { TRACE_ARM = 32, TRACE_UPLOAD, TRACE_ABORT };
 
@@ -514,7 +514,7 @@ CASE(the_status_of_a_frame_is_that_of_its_last_sample_and_any_limit) {
  */
 
 CASE(every_code_is_answered_and_only_known_ones_are_done) {
-    static const uint8_t known[] = {1,  2,  3,  4,  5,  16, 17, 18, 19, 20, 21, 22, 23,
+    static const uint8_t known[] = {1,  2,  3,  4,  5,  6,  16, 17, 18, 19, 20, 21, 22, 23,
                                     32, 33, 34, 35, 36, 37, 38, 39, 48, 49, 50, 51, 52};
     rig *r = rig_running();
     for (uint32_t code = 0; code < 256; code++) {
@@ -1066,6 +1066,38 @@ CASE(friction_is_told_from_none_by_its_t_value) {
     CHECK_NEAR(found, 1e-3, 1e-4);
 }
 
+/* The load grows by 2 % after 9 s; what is normal is known after 7. */
+CASE(a_load_that_changes_rings_the_drift_alarm) {
+    static const axt_effects effects = {
+        .load_change = {.ratio = (axt_real)0.02, .time = (axt_real)9}};
+    rig *r = rig_running();
+    CHECK_EQUAL(axt_emulated_axis_set_effects(&r->axis, &effects), AXT_OK);
+    rig_enable(r);
+    CHECK_EQUAL(rig_tell(r, DRIFT_WATCH, 1), AXT_NODE_NOT_NOW);
+    CHECK_EQUAL(rig_tell(r, DRIFT_WATCH, 2), AXT_NODE_OUT_OF_RANGE);
+    CHECK_EQUAL(rig_tell(r, EXCITATION_ON, 0), 0);
+    rig_run(r, 15000);
+    CHECK_EQUAL(rig_report(r, 50).flags, AXT_MONITOR_OFF);
+    CHECK_EQUAL(rig_tell(r, DRIFT_WATCH, 1), AXT_NODE_DONE);
+    rig_run(r, 10000);
+    CHECK_EQUAL(rig_report(r, 50).flags, AXT_MONITOR_LEARNING);
+    rig_run(r, 60000);
+    CHECK_EQUAL(rig_report(r, 50).flags, AXT_MONITOR_WATCHING);
+    CHECK_EQUAL(rig_report(r, 51).drift_alarms, 0);
+    CHECK((r->node.status & AXT_NODE_WARNING) == 0);
+    rig_run(r, 30000);
+    CHECK_EQUAL(rig_report(r, 50).flags, AXT_MONITOR_ALARM);
+    CHECK(rig_report(r, 50).drift != 0);
+    CHECK_EQUAL(rig_report(r, 51).drift_alarms, 1);
+    CHECK((r->node.status & AXT_NODE_WARNING) != 0);
+    CHECK_EQUAL(rig_tell(r, DRIFT_WATCH, 0), AXT_NODE_DONE);
+    rig_run(r, 3000);
+    CHECK_EQUAL(rig_report(r, 50).flags, AXT_MONITOR_OFF);
+    CHECK_EQUAL(rig_report(r, 51).drift_alarms, 1);
+    CHECK((r->node.status & AXT_NODE_WARNING) == 0);
+    free(r);
+}
+
 CASE(without_excitation_there_is_no_estimate) {
     rig *r = rig_running();
     rig_run(r, 20000);
@@ -1141,6 +1173,7 @@ int main(void) {
     RUN(the_estimate_is_that_of_the_axis_and_says_how_sure_it_is);
     RUN(an_estimate_is_one_snapshot_of_fourteen_pages_five_times_a_second);
     RUN(friction_is_told_from_none_by_its_t_value);
+    RUN(a_load_that_changes_rings_the_drift_alarm);
     RUN(without_excitation_there_is_no_estimate);
     RUN(the_estimate_outlives_the_excitation_until_it_is_reset);
     return REPORT();
