@@ -36,7 +36,7 @@ LAST_WORDS = re.compile(r"(\d+) samples, (\d+) overruns, (\d+) lost")
 # 1 Mbit/s, all of it: 7,300 frames of samples and some 95 others, at 135 bits and less.
 FULL_BUS = ("--bit-rate", "1000000", "--rate", "3650", "--stream-rate", "3650")
 FD_STREAM = ("--bit-rate", "1000000,5000000", "--rate", "10000")
-PACKED = 6  # samples in an FD frame
+FD_HOST = ("--fd", "--bitrate", "1000000", "--data-bitrate", "5000000")
 
 ON_VCAN = ("full_bus", "ten_minutes", "fd", "candump", "round_trip")
 MEMBERS = (*ON_VCAN, "jitter")
@@ -267,7 +267,7 @@ def measure_on_vcan(wanted: list[str]) -> Figures:
         if "ten_minutes" in wanted:
             figures["ten_minutes"] = log_stream(folder, 600.0, FULL_BUS)
         if "fd" in wanted:
-            figures["fd"] = log_stream(folder, 10.0, FD_STREAM, "--fd")
+            figures["fd"] = log_stream(folder, 10.0, FD_STREAM, *FD_HOST)
         if "candump" in wanted:
             figures["candump"] = compare_with_candump(folder)
         if "round_trip" in wanted:
