@@ -33,9 +33,9 @@ typedef struct {
 } axt_slcan_link;
 
 /* Sets up send and receive; `close` stays for the owner of the carrier to set. Sent lines are
- * gathered and go out with the next receive(), or when there are many. A line that is garbled counts
- * as an error frame. When the carrier says AXT_CAN_CLOSED the adapter is as just plugged in: the
- * next host finds its channel closed. */
+ * gathered and go out with the next receive(), or when there are many. A line that is garbled
+ * counts as an error frame. When the carrier says AXT_CAN_CLOSED the adapter is as just plugged in:
+ * the next host finds its channel closed. */
 void axt_slcan_link_init(axt_slcan_link *link, const axt_slcan_carrier *carrier);
 
 #endif
