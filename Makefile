@@ -295,6 +295,48 @@ PACKAGES_proof := frama-c-base gappa
 proof: $(BUILD)/packages-build $(BUILD)/packages-proof $(CONTRACT)/axt_contract.h
 	$(PYTHON) tests/proof/proof.py $(BUILD)/proof.json
 
+# ---- Coverage and mutation: what the unit tests of lib/ see -----------------------------------------
+
+PACKAGES_coverage := clang-19 llvm-19 libclang-rt-19-dev libmodbus-dev
+
+# Instrumented code is slow without -O1; what a newer compiler warns of is not asked here.
+$(eval $(call variant,covered,clang-19,coverage,-DAXT_REAL=float -O1 -w -fprofile-instr-generate \
+    -fcoverage-mapping -fcoverage-mcdc))
+
+# A unit test of lib/ is named after the file or the concept that it tests.
+CORE_UNITS := $(filter-out test_can_% test_modbus% test_node%,$(UNITS))
+
+.PHONY: coverage
+## coverage  lines, branches and MC/DC of lib/ by its unit tests (build/coverage.json)
+coverage: $(CORE_UNITS:%=$(BUILD)/covered/unit/%)
+	$(PYTHON) tests/coverage/coverage.py $(BUILD)/coverage.json $^
+
+# ---- Fuzz: what no test thought of -------------------------------------------------------------------
+
+PACKAGES_fuzz := clang libmodbus-dev
+FUZZERS       := $(patsubst tests/fuzz/fuzz_%.c,$(BUILD)/fuzz/%,$(wildcard tests/fuzz/fuzz_*.c))
+FUZZ_SECONDS  ?= 20
+
+$(eval $(call variant,fuzzed,$(CLANG),fuzz,-DAXT_REAL=float $(SANITIZE) -fsanitize=fuzzer-no-link))
+
+# The messages of the generated codec as a macro, so that none is left out.
+$(BUILD)/fuzz/messages.h: $(CONTRACT)/axt_contract.h
+	mkdir -p $(@D)
+	printf '#define CONTRACT_MESSAGES(X) %s\n' \
+	    "$$(sed -n 's/^int axt_contract_\(.*\)_unpack($$/X(\1, \U\1)/p' $< | tr '\n' ' ')" >$@
+
+$(BUILD)/fuzz/%: tests/fuzz/fuzz_%.c $(BUILD)/fuzz/messages.h $(BUILD)/fuzzed/libdrivers.a \
+		$(BUILD)/fuzzed/libaxistwin.a
+	$(CLANG) $(DRIVER_FLAGS) -Itests/unit -I$(BUILD)/fuzz -D_GNU_SOURCE $(SANITIZE) \
+	    -fsanitize=fuzzer $(filter-out %.h,$^) $(LIBRARIES) -pthread -o $@
+
+-include $(wildcard $(BUILD)/fuzz/*.d)
+
+.PHONY: fuzz
+## fuzz      any bits into the core, the codecs and the protocols, FUZZ_SECONDS= each (build/fuzz.json)
+fuzz: $(FUZZERS)
+	$(PYTHON) tests/fuzz/fuzz.py $(BUILD)/fuzz.json $(FUZZ_SECONDS) $^
+
 # ---- Paper: the source paper reproduced, corrected and carried on ---------------------------------
 
 .PHONY: paper

@@ -20,6 +20,10 @@ enum { TWIST_CHANNEL, BODY_CHANNEL, TORQUE_CHANNEL };
 /* How long the filter remembers its start: its slowest pole is w / 2, and e^-16 is 1e-7. */
 #define SETTLING_RADIANS AXT_R(32)
 
+/* An axis so slow against the step that its filter would take more samples than that is not told
+ * from one that stands still. */
+#define SETTLING_MAX AXT_R(1e9)
+
 static bool from_encoders(const axt_ident_config *config) {
     return config->counts_per_turn[0] != 0;
 }
@@ -111,7 +115,11 @@ axt_status axt_regressor_init(axt_regressor *regressor, const axt_ident_config *
         if (status != AXT_OK) {
             return status;
         }
-        fresh.settling = (uint32_t)(SETTLING_RADIANS / (corner * config->time_step)) + 1;
+        const axt_real settling = SETTLING_RADIANS / (corner * config->time_step);
+        if (!(settling <= SETTLING_MAX)) {
+            return AXT_ERROR_RANGE;
+        }
+        fresh.settling = (uint32_t)settling + 1;
         scale_counts(&fresh, modal.wn, corner);
     } else {
         scale_motion(&fresh, modal.wn);
