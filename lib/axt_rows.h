@@ -31,9 +31,10 @@ typedef enum { AXT_ROWS_OF_SPEEDS, AXT_ROWS_OF_POSITIONS } axt_rows_kind;
  *     of positions  [-det N, trace N, det N / (k I1)]
  *
  * Turns them into the rows of Eq. 8, and `factor` into what each of the three columns was
- * multiplied with. By fixed point, as a and b depend on k and d: at most 30 times one exact map
- * (axt_integrator.h), not for the interrupt. AXT_ERROR_NO_DATA when there is no such axis; nothing
- * is then changed. */
+ * multiplied with. That depends on k and d themselves, but little: found by fixed point in at most
+ * 60 exact maps (axt_integrator.h), not for the interrupt. AXT_ERROR_NO_DATA when there is no such
+ * axis, or when it is damped beyond critical and the step so long that the rows hardly tell;
+ * nothing is then changed. */
 axt_status axt_rows_from_held(axt_rows *rows, axt_rows_kind kind, axt_real time_step,
                               axt_real factor[3]);
 

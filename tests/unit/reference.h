@@ -126,4 +126,72 @@ static inline void textbook_step(textbook_axis *axis, wide motor_torque, wide ta
     }
 }
 
+/* ---- The same axis under torque that is held from sample to sample: the matrix exponential ----
+ */
+
+/* exp(A h) of a 2 x 2 matrix: its Taylor series for a 2^-20 of the step, squared 20 times. The 1 is
+ * kept apart, as it would swallow the digits of a short step. */
+static inline void exponential_less_one(const wide A[2][2], wide h, wide E[2][2]) {
+    enum { TERMS = 12, SQUARINGS = 20 };
+    const wide part = ldexpl(h, -SQUARINGS);
+    wide term[2][2] = {{1, 0}, {0, 1}};
+    memset(E, 0, 4 * sizeof E[0][0]);
+    for (int n = 1; n <= TERMS; n++) {
+        wide next[2][2];
+        for (int i = 0; i < 4; i++) {
+            next[i / 2][i % 2] =
+                part / n * (term[i / 2][0] * A[0][i % 2] + term[i / 2][1] * A[1][i % 2]);
+        }
+        memcpy(term, next, sizeof term);
+        for (int i = 0; i < 4; i++) {
+            E[i / 2][i % 2] += term[i / 2][i % 2];
+        }
+    }
+    for (int n = 0; n < SQUARINGS; n++) { /* (1 + E)^2 - 1 = 2 E + E E */
+        wide next[2][2];
+        for (int i = 0; i < 4; i++) {
+            next[i / 2][i % 2] =
+                2 * E[i / 2][i % 2] + E[i / 2][0] * E[0][i % 2] + E[i / 2][1] * E[1][i % 2];
+        }
+        memcpy(E, next, sizeof next);
+    }
+}
+
+/* x'' + damping x' + stiffness x = f over a time step: what [x, x'] changes by. */
+typedef struct {
+    wide of_state[2][2];
+    wide of_force[2];
+} held_map;
+
+static inline held_map held_map_of(wide damping, wide stiffness, wide time_step) {
+    const wide A[2][2] = {{0, 1}, {-stiffness, -damping}};
+    held_map map;
+    exponential_less_one(A, time_step, map.of_state);
+    /* A^-1 (exp(A h) - 1) [0, f] */
+    map.of_force[0] = -(damping * map.of_state[0][1] + map.of_state[1][1]) / stiffness;
+    map.of_force[1] = map.of_state[0][1];
+    return map;
+}
+
+/* A step of an axis under motor torque that is held over it; its acceleration is not kept. */
+static inline void held_step(textbook_axis *axis, const held_map *twist_map, wide torque) {
+    const wide h = axis->time_step;
+    const wide inertia = axis->I[0] + axis->I[1];
+    const wide share = axis->I[1] / inertia;
+    const wide twist[2] = {axis->angle[0] - axis->angle[1], axis->speed[0] - axis->speed[1]};
+    wide next[2];
+    for (int i = 0; i < 2; i++) {
+        next[i] = twist[i] + twist_map->of_state[i][0] * twist[0] +
+                  twist_map->of_state[i][1] * twist[1] +
+                  twist_map->of_force[i] * torque / axis->I[0];
+    }
+    const wide body_speed = axis->speed[0] - share * twist[1];
+    const wide body_change = h * torque / inertia;
+    const wide body = axis->angle[0] - share * twist[0] + h * (body_speed + body_change / 2);
+    axis->angle[0] = body + share * next[0];
+    axis->angle[1] = axis->angle[0] - next[0];
+    axis->speed[0] = body_speed + body_change + share * next[1];
+    axis->speed[1] = axis->speed[0] - next[1];
+}
+
 #endif
