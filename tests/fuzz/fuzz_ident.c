@@ -22,11 +22,10 @@ static void expect_invariants(const axt_ident *ident) {
     const axt_status status = axt_ident_result(ident, &e);
     expect(status == AXT_OK || (status == AXT_ERROR_NO_DATA && e.valid == 0));
     const axt_real values[] = {
-        e.axis.I1,       e.axis.I2,          e.axis.B,           e.axis.K,
-        e.modal.wn,      e.modal.wd,         e.modal.zeta,       e.axis_error.I1,
-        e.axis_error.I2, e.axis_error.B,     e.axis_error.K,     e.modal_error.wn,
-        e.modal_error.wd, e.modal_error.zeta, e.friction.value,   e.friction.error,
-        e.friction.t,    e.spring.value,     e.spring.error,     e.spring.t};
+        e.axis.I1,        e.axis.I2,        e.axis.B,         e.axis.K,           e.modal.wn,
+        e.modal.wd,       e.modal.zeta,     e.axis_error.I1,  e.axis_error.I2,    e.axis_error.B,
+        e.axis_error.K,   e.modal_error.wn, e.modal_error.wd, e.modal_error.zeta, e.friction.value,
+        e.friction.error, e.friction.t,     e.spring.value,   e.spring.error,     e.spring.t};
     expect(all_finite(values, sizeof values / sizeof values[0]));
 }
 
@@ -38,9 +37,8 @@ static void take_sample(axt_ident *ident, uint32_t number, const axt_motion *mot
                         const int32_t count[2], axt_real torque) {
     const axt_ident before = *ident;
     const bool counts = ident->regressor.config.counts_per_turn[0] != 0;
-    const axt_status status = counts
-                                  ? axt_ident_counts(ident, number, count[0], count[1], torque)
-                                  : axt_ident_motion(ident, number, motion, torque);
+    const axt_status status = counts ? axt_ident_counts(ident, number, count[0], count[1], torque)
+                                     : axt_ident_motion(ident, number, motion, torque);
     if (refused(status)) {
         expect(memcmp(&ident->rls.theta, &before.rls.theta, sizeof before.rls.theta) == 0);
         expect(memcmp(&ident->scatter, &before.scatter, sizeof before.scatter) == 0);
@@ -61,8 +59,7 @@ static void run(running *r, uint32_t samples) {
     for (uint32_t i = 0; i < samples && r->left > 0; i++) {
         r->left--;
         r->noise = r->noise * UINT32_C(1664525) + UINT32_C(1013904223);
-        const axt_real torque =
-            config->torque * (axt_real)((double)r->noise / 2147483648.0 - 1.0);
+        const axt_real torque = config->torque * (axt_real)((double)r->noise / 2147483648.0 - 1.0);
         axt_motion motion;
         int32_t count[2] = {0, 0};
         (void)axt_plant_step(&r->plant, torque);

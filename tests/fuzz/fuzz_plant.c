@@ -3,7 +3,8 @@
  * The input is a byte that says where the axis comes from, the axis, the time step and Newmark's
  * constants, a motion, and then torques, up to 60 of them: raw bits, or raw bits squeezed into the
  * range that is taken. What must hold: the motion stays finite, the state within the bounds that
- * `make proof` proves, encoders can be read, and what is refused changes nothing but its counter. */
+ * `make proof` proves, encoders can be read, and what is refused changes nothing but its counter.
+ */
 #include "axt_encoder.h"
 #include "axt_plant.h"
 #include "raw.h"
@@ -29,8 +30,8 @@ static void expect_invariants(const axt_plant *plant) {
     expect(all_finite(read, sizeof read / sizeof read[0]));
     for (int place = 0; place < 2; place++) {
         int32_t count = 0;
-        const axt_status status = axt_encoder_read(AXT_ENCODER_COUNTS_MAX, &motion,
-                                                   (axt_encoder_place)place, &count);
+        const axt_status status =
+            axt_encoder_read(AXT_ENCODER_COUNTS_MAX, &motion, (axt_encoder_place)place, &count);
         expect(status == AXT_OK || (status < 0 && count == 0));
     }
 }
