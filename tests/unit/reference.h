@@ -129,9 +129,10 @@ static inline void textbook_step(textbook_axis *axis, wide motor_torque, wide ta
 /* ---- The same axis under torque that is held from sample to sample: the matrix exponential ----
  */
 
-/* exp(A h) of a 2 x 2 matrix: its Taylor series for a 2^-20 of the step, squared 20 times. The 1 is
- * kept apart, as it would swallow the digits of a short step. */
-static inline void exponential_less_one(const wide A[2][2], wide h, wide E[2][2]) {
+/* exp(A h) - 1 of A = [0 1; -k -d]: its Taylor series for 2^-20 of the step, squared 20 times. The
+ * 1 is kept apart, as it would swallow the digits of a short step. */
+static inline void exponential_less_one(wide d, wide k, wide h, wide E[2][2]) {
+    const wide A[2][2] = {{0, 1}, {-k, -d}};
     enum { TERMS = 12, SQUARINGS = 20 };
     const wide part = ldexpl(h, -SQUARINGS);
     wide term[2][2] = {{1, 0}, {0, 1}};
@@ -164,9 +165,8 @@ typedef struct {
 } held_map;
 
 static inline held_map held_map_of(wide damping, wide stiffness, wide time_step) {
-    const wide A[2][2] = {{0, 1}, {-stiffness, -damping}};
     held_map map;
-    exponential_less_one(A, time_step, map.of_state);
+    exponential_less_one(damping, stiffness, time_step, map.of_state);
     /* A^-1 (exp(A h) - 1) [0, f] */
     map.of_force[0] = -(damping * map.of_state[0][1] + map.of_state[1][1]) / stiffness;
     map.of_force[1] = map.of_state[0][1];

@@ -98,9 +98,8 @@ CASE(what_is_no_axis_is_refused_and_nothing_is_written) {
  * X[n+1] - X[n] = E X[n] + A^-1 E [0, f] and N = 2/h E (2 + E)^-1 it is N X + N A^-1 [0, f]; of
  * positions alone, N's characteristic polynomial, and the same at rest. */
 static void held_row(wide k, wide d, wide per_I1, wide h, axt_rows_kind kind, axt_real row[3]) {
-    const wide A[2][2] = {{0, 1}, {-k, -d}};
     wide E[2][2];
-    exponential_less_one(A, h, E);
+    exponential_less_one(d, k, h, E);
     const wide sum[2][2] = {{2 + E[0][0], E[0][1]}, {E[1][0], 2 + E[1][1]}};
     const wide scale = 2 / h / (sum[0][0] * sum[1][1] - sum[0][1] * sum[1][0]);
     const wide inverse[2][2] = {{sum[1][1] * scale, -sum[0][1] * scale},
