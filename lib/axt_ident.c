@@ -203,7 +203,7 @@ typedef struct {
 } answer;
 
 /* base^exponent by squaring. */
-static axt_real power(axt_real base, uint32_t exponent) {
+static axt_real raised(axt_real base, uint32_t exponent) {
     axt_real result = AXT_R(1);
     for (; exponent > 0; exponent >>= 1) {
         result *= ((exponent & 1U) != 0) ? base : AXT_R(1);
@@ -326,7 +326,7 @@ axt_status axt_ident_result(const axt_ident *ident, axt_estimate *estimate) {
         return AXT_ERROR_NO_DATA;
     }
     answer a = {.ident = ident,
-                .share = (AXT_R(1) + power(forgetting, ident->samples)) / (AXT_R(1) + forgetting)};
+                .share = (AXT_R(1) + raised(forgetting, ident->samples)) / (AXT_R(1) + forgetting)};
     axt_rows rows;
     if (read_rows(&a, &rows) != AXT_OK ||
         axt_axis_from_rows(&rows, ident->regressor.motor_share, &found.axis) != AXT_OK ||

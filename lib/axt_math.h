@@ -126,10 +126,7 @@ static inline int32_t axt_wrap_sub(int32_t later, int32_t earlier) {
 
 /* One more on a counter that stops at its end. */
 static inline void axt_count(uint32_t *counter) {
-    const uint32_t next = *counter + 1;
-    if (next != 0) {
-        *counter = next;
-    }
+    *counter += (*counter < UINT32_MAX) ? 1U : 0U;
 }
 
 /* An unevaluated sum hi + lo with |lo| <= half a unit in the last place of hi: twice the digits. */

@@ -73,9 +73,7 @@ class CoverageError(Exception):
 
 def run(command: list[str], environment: dict[str, str] | None = None) -> str:
     """The standard output of a command that has to succeed."""
-    result = subprocess.run(
-        command, capture_output=True, text=True, env=environment, check=False
-    )
+    result = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     if result.returncode != 0:
         raise CoverageError(f"{' '.join(command)}\n{(result.stdout + result.stderr)[-2000:]}")
     return result.stdout
