@@ -473,8 +473,8 @@ CASE(limits_are_those_built_in_or_closer_ones) {
     free(r);
 
     r = rig_in(AXT_CIA402_OPERATION_ENABLED);
-    for (uint8_t code = TORQUE_LIMIT; code <= HOST_HEARTBEAT; code++) {
-        CHECK_EQUAL(rig_tell(r, code, 0), AXT_NODE_NOT_WHILE_ENABLED);
+    for (uint32_t code = TORQUE_LIMIT; code <= HOST_HEARTBEAT; code++) {
+        CHECK_EQUAL(rig_tell(r, (uint8_t)code, 0), AXT_NODE_NOT_WHILE_ENABLED);
         rig_forget_sent(r);
     }
     free(r);

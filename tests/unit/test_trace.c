@@ -39,7 +39,7 @@ static int32_t value(const axt_trace_settings *settings, const axt_node_sample *
 /* Sample k of those kept, the k-th of every so many periods. */
 static const axt_node_sample *kept(const axt_trace_settings *settings,
                                    const axt_node_sample *signal, uint32_t k) {
-    return &signal[k * settings->decimation];
+    return &signal[(size_t)k * settings->decimation];
 }
 
 static bool condition(const axt_trace_settings *s, const axt_node_sample *signal, uint32_t k) {
