@@ -149,14 +149,15 @@ races: $(patsubst %,$(BUILD)/racing/unit/%,$(filter %_threads,$(UNITS)))
 	rm -f $@
 	ar rcs $@ $^
 
+# Installed, not copied: one that runs goes on with the old file.
 EMULATORS := $(BUILD)/axistwin-emulator $(BUILD)/sanitized/axistwin-emulator
 
 $(BUILD)/axistwin-emulator: $(BUILD)/gcc-float/axistwin-emulator
-	cp $< $@
+	install $< $@
 
 $(BUILD)/sanitized/axistwin-emulator: $(BUILD)/sanitized-float/axistwin-emulator
 	mkdir -p $(@D)
-	cp $< $@
+	install $< $@
 
 # A microcontroller's Modbus server on a serial port, for the tests to talk to.
 RTU_NODE := $(BUILD)/modbus-rtu-node
