@@ -6,6 +6,8 @@
 #include "axt_node_command.h"
 #include "axt_node_shared.h"
 
+enum { SURPLUS = 1 << 4 }; /* of EstimateValid: friction and spring are looked for */
+
 static void show_identity(const axt_node *node, uint16_t *registers) {
     const axt_node_config *config = &node->config;
     registers[AXT_REGISTER_NODE_ID] = config->id;
@@ -34,6 +36,11 @@ static void show_counters(const axt_node *node, uint16_t *registers) {
         {AXT_REGISTER_BUS_ERRORS, health->error_frames},
         {AXT_REGISTER_BUS_OFFS, health->bus_off},
         {AXT_REGISTER_BUS_OUTAGES, health->outages},
+        {AXT_REGISTER_NOT_FINITE_SAMPLES, node->ident_counters.not_finite},
+        {AXT_REGISTER_OUT_OF_RANGE_SAMPLES, node->ident_counters.range},
+        {AXT_REGISTER_JUMPED_SAMPLES, node->ident_counters.jumped},
+        {AXT_REGISTER_REPEATED_SAMPLES, node->ident_counters.repeated},
+        {AXT_REGISTER_SAMPLE_GAPS, node->ident_counters.gaps},
     };
     for (uint32_t i = 0; i < sizeof counters / sizeof counters[0]; i++) {
         axt_registers_put_uint32(registers, counters[i].address, counters[i].count);
@@ -62,11 +69,24 @@ static void show_axis(uint16_t *registers, uint32_t first, const axt_axis *axis,
 
 static void show_estimate(const axt_node *node, uint16_t *registers) {
     const axt_estimate *found = &node->estimate;
+    const bool looked_for = node->config.form == AXT_IDENT_5X4 && found->samples > 0;
+    const uint32_t surplus = looked_for ? SURPLUS : 0;
     registers[AXT_REGISTER_ESTIMATE_SEQUENCE] = node->estimate_sequence;
-    registers[AXT_REGISTER_ESTIMATE_VALID] = (uint16_t)found->valid;
+    registers[AXT_REGISTER_ESTIMATE_VALID] = (uint16_t)(found->valid | surplus);
     axt_registers_put_uint32(registers, AXT_REGISTER_ESTIMATE_SAMPLES, found->samples);
     show_axis(registers, AXT_REGISTER_ESTIMATE_I1, &found->axis, &found->modal);
     show_axis(registers, AXT_REGISTER_ERROR_I1, &found->axis_error, &found->modal_error);
+    axt_registers_put_float(registers, AXT_REGISTER_ESTIMATE_FRICTION,
+                            (float)found->friction.value);
+    axt_registers_put_float(registers, AXT_REGISTER_ERROR_FRICTION, (float)found->friction.error);
+    axt_registers_put_float(registers, AXT_REGISTER_ESTIMATE_SPRING, (float)found->spring.value);
+    axt_registers_put_float(registers, AXT_REGISTER_ERROR_SPRING, (float)found->spring.error);
+}
+
+static void show_drift(const axt_node *node, uint16_t *registers) {
+    const uint32_t drift = axt_node_other(&node->drift);
+    registers[AXT_REGISTER_DRIFT] = (uint16_t)drift; /* state and reasons, as the tick has them */
+    registers[AXT_REGISTER_DRIFT_ALARMS] = (uint16_t)(drift >> 16);
 }
 
 /* Mean speed [rad/s] of an encoder between two samples; its counts may wrap around. */
@@ -108,6 +128,7 @@ static void snapshot(void *context, uint16_t registers[AXT_REGISTER_END]) {
     show_counters(view->node, registers);
     show_drive(view->node, registers);
     show_estimate(view->node, registers);
+    show_drift(view->node, registers);
     view->sequence++;
     registers[AXT_REGISTER_SEQUENCE] = view->sequence;
     registers[AXT_REGISTER_SEQUENCE_END] = view->sequence;

@@ -150,7 +150,7 @@ def test_mbpoll_reads_and_writes_over_tcp(emulator: Server) -> None:
         assert re.findall(r"\[(\d)\]: \t(\d+)", words) == [
             ("0", "16728"),
             ("1", "21591"),
-            ("2", "1"),
+            ("2", "2"),
         ]
     written = poll(*where, "-t", "4", "-r", str(WRITE_KEY), "127.0.0.1", str(KEYS[0]))
     assert "Written 1 references." in written
@@ -448,6 +448,15 @@ def test_registers_are_read_and_commands_given(emulator: Server, cli: Cli) -> No
     assert [line.split()[0] for line in output.splitlines()] == list(TABLE.registers)
 
 
+def test_the_drift_watch_is_started(emulator: Server, cli: Cli) -> None:
+    deadline = time.monotonic() + 20
+    while (ended := cli("write", *tcp(emulator), "DriftWatch", "1"))[0] != 0:
+        assert "refuses DriftWatch: not now" in ended[2]  # before there is an estimate
+        assert time.monotonic() < deadline
+    _, output, _ = cli("read", *tcp(emulator), "Drift", "DriftAlarms", "--json", "-")
+    assert json.loads(output) == {"Drift": 1, "DriftAlarms": 0}  # learning
+
+
 def test_what_cannot_be_is_said_in_one_line(emulator: Server, cli: Cli) -> None:
     here = tcp(emulator)
     for arguments, status, words in (
@@ -658,7 +667,7 @@ def test_a_damaged_line_gives_no_wrong_values(on_line: tuple[Line, int]) -> None
                 time.sleep(0.06)
                 continue
             if not answer.isError():
-                assert answer.registers == [0x4158, 0x5457, 1, 0x4049, 0x0FDB, unit]
+                assert answer.registers == [0x4158, 0x5457, 2, 0x4049, 0x0FDB, unit]
                 answers += 1
     assert answers > 5
     assert silences > 5

@@ -175,6 +175,113 @@ static uint32_t uint32_in(const uint16_t *registers, uint32_t address) {
     return (uint32_t)registers[address] << 16 | registers[address + 1];
 }
 
+static float float_in(const uint16_t *registers, uint32_t address) {
+    const uint32_t bits = uint32_in(registers, address);
+    float value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+static void read_state(bench *b) {
+    CHECK_EQUAL(ASK(b, 3, 0, AXT_REGISTER_SEQUENCE, 0,
+                    AXT_REGISTER_SEQUENCE_END + 1 - AXT_REGISTER_SEQUENCE),
+                AXT_MODBUS_OK);
+}
+
+/* A node that looks for friction, on an axis that has it, so much at the motor [N m s/rad]. */
+static bench *bench_with_friction(double viscous) {
+    bench *b = bench_new();
+    const axt_effects effects = {
+        .friction = {{.viscous = (axt_real)viscous}},
+        .load_change = {.ratio = (axt_real)0.02, .time = (axt_real)9},
+    };
+    b->r->config.form = AXT_IDENT_5X4;
+    CHECK_EQUAL(rig_start(b->r), AXT_OK);
+    CHECK_EQUAL(axt_emulated_axis_set_effects(&b->r->axis, &effects), AXT_OK);
+    rig_enable(b->r);
+    CHECK_EQUAL(rig_tell(b->r, AXT_CONTRACT_COMMAND_CODE_EXCITATION_ON_CHOICE, 0), 0);
+    return b;
+}
+
+CASE(friction_and_spring_are_shown_as_on_can) {
+    bench *b = bench_with_friction(1e-3);
+    read_state(b);
+    CHECK_EQUAL(b->registers[AXT_REGISTER_ESTIMATE_VALID], 0);
+    rig_run(b->r, 30100);
+    read_state(b);
+    const uint16_t *r = b->registers;
+    CHECK_EQUAL(r[AXT_REGISTER_ESTIMATE_VALID], 0x1F);
+    CHECK_NEAR((double)float_in(r, AXT_REGISTER_ESTIMATE_FRICTION), 1e-3, 1e-4);
+    CHECK(fabsf(float_in(r, AXT_REGISTER_ESTIMATE_SPRING)) <
+          5 * float_in(r, AXT_REGISTER_ERROR_SPRING));
+    CHECK_EQUAL(r[AXT_REGISTER_ESTIMATE_SEQUENCE], rig_report(b->r, 46).sequence);
+    CHECK_EQUAL(uint32_in(r, AXT_REGISTER_ESTIMATE_FRICTION),
+                bits_of(rig_report(b->r, 46).estimate_friction));
+    CHECK_EQUAL(uint32_in(r, AXT_REGISTER_ERROR_FRICTION),
+                bits_of(rig_report(b->r, 47).error_friction));
+    CHECK_EQUAL(uint32_in(r, AXT_REGISTER_ESTIMATE_SPRING),
+                bits_of(rig_report(b->r, 48).estimate_spring));
+    CHECK_EQUAL(uint32_in(r, AXT_REGISTER_ERROR_SPRING),
+                bits_of(rig_report(b->r, 49).error_spring));
+    bench_end(b);
+}
+
+CASE(refused_samples_are_counted_by_their_reason) {
+    bench *b = bench_with_friction(0);
+    rig_run(b->r, 5000);
+    for (uint32_t i = 0; i < 7; i++) {
+        b->r->glitch = 500000;
+        rig_run(b->r, 500);
+    }
+    rig_run(b->r, 3000);
+    read_state(b);
+    CHECK_EQUAL(uint32_in(b->registers, AXT_REGISTER_REJECTED_SAMPLES), 7);
+    CHECK_EQUAL(uint32_in(b->registers, AXT_REGISTER_JUMPED_SAMPLES), 7);
+    CHECK_EQUAL(uint32_in(b->registers, AXT_REGISTER_SAMPLE_GAPS), 7);
+    /* each where it belongs */
+    b->r->node.ident_counters = (axt_ident_counters){
+        .not_finite = 0x10001, .range = 2, .repeated = 3, .jumped = 4, .gaps = 5};
+    read_state(b);
+    CHECK_EQUAL(uint32_in(b->registers, AXT_REGISTER_NOT_FINITE_SAMPLES), 0x10001);
+    CHECK_EQUAL(uint32_in(b->registers, AXT_REGISTER_OUT_OF_RANGE_SAMPLES), 2);
+    CHECK_EQUAL(uint32_in(b->registers, AXT_REGISTER_REPEATED_SAMPLES), 3);
+    CHECK_EQUAL(uint32_in(b->registers, AXT_REGISTER_JUMPED_SAMPLES), 4);
+    CHECK_EQUAL(uint32_in(b->registers, AXT_REGISTER_SAMPLE_GAPS), 5);
+    bench_end(b);
+}
+
+static void check_drift(bench *b, axt_monitor_state state, uint16_t alarms) {
+    read_state(b);
+    const uint16_t drift = b->registers[AXT_REGISTER_DRIFT];
+    CHECK_EQUAL(drift & 0xFF, state);
+    CHECK_EQUAL(drift >> 8 != 0, state == AXT_MONITOR_ALARM);
+    CHECK_EQUAL(drift >> 8, rig_report(b->r, 50).drift);
+    CHECK_EQUAL(b->registers[AXT_REGISTER_DRIFT_ALARMS], alarms);
+}
+
+/* The load grows by 2 % after 9 s; what is normal is known after 7. */
+CASE(the_drift_alarm_is_started_and_read) {
+    bench *b = bench_with_friction(0);
+    const uint16_t watch = AXT_CONTRACT_COMMAND_CODE_DRIFT_WATCH_CHOICE;
+    CHECK_EQUAL(command(b, watch, 1), AXT_MODBUS_ILLEGAL_ADDRESS);
+    unlock(b);
+    CHECK_EQUAL(command(b, watch, 1), AXT_MODBUS_REFUSED); /* nothing is known yet */
+    CHECK_EQUAL(command(b, watch, 2), AXT_MODBUS_ILLEGAL_VALUE);
+    rig_run(b->r, 15000);
+    check_drift(b, AXT_MONITOR_OFF, 0);
+    CHECK_EQUAL(command(b, watch, 1), AXT_MODBUS_OK);
+    rig_run(b->r, 10000);
+    check_drift(b, AXT_MONITOR_LEARNING, 0);
+    rig_run(b->r, 60000);
+    check_drift(b, AXT_MONITOR_WATCHING, 0);
+    rig_run(b->r, 30000);
+    check_drift(b, AXT_MONITOR_ALARM, 1);
+    CHECK_EQUAL(command(b, watch, 0), AXT_MODBUS_OK);
+    rig_run(b->r, 3000);
+    check_drift(b, AXT_MONITOR_OFF, 1);
+    bench_end(b);
+}
+
 /* Are these the samples that the axis has logged, `decimation` apart? */
 static void check_history(const bench *b, uint32_t count, uint32_t decimation) {
     const uint16_t *r = b->registers;
@@ -526,6 +633,9 @@ int main(void) {
     RUN(only_what_is_listed_can_be_read);
     RUN(counts_and_lengths_that_cannot_be_are_refused);
     RUN(an_answer_shows_one_moment);
+    RUN(friction_and_spring_are_shown_as_on_can);
+    RUN(refused_samples_are_counted_by_their_reason);
+    RUN(the_drift_alarm_is_started_and_read);
     RUN(the_history_has_every_sample_for_whoever_reads_it_in_time);
     RUN(the_history_goes_on_at_another_distance);
     RUN(a_node_that_keeps_no_history_shows_none);
