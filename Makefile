@@ -304,13 +304,23 @@ PACKAGES_coverage := clang-19 llvm-19 libclang-rt-19-dev libmodbus-dev
 $(eval $(call variant,covered,clang-19,coverage,-DAXT_REAL=float -O1 -w -fprofile-instr-generate \
     -fcoverage-mapping -fcoverage-mcdc))
 
-# A unit test of lib/ is named after the file or the concept that it tests.
-CORE_UNITS := $(filter-out test_can_% test_modbus% test_node%,$(UNITS))
+# A unit test of lib/ is named after the file that it tests.
+CORE_UNITS := $(filter $(CORE:lib/axt_%=test_%),$(UNITS))
 
 .PHONY: coverage
 ## coverage  lines, branches and MC/DC of lib/ by its unit tests (build/coverage.json)
 coverage: $(CORE_UNITS:%=$(BUILD)/covered/unit/%)
 	$(PYTHON) tests/coverage/coverage.py $(BUILD)/coverage.json $^
+
+MUTANTS ?= 200
+SEED    ?= 1
+
+.PHONY: mutation
+## mutation  MUTANTS= wrong operators in lib/, and which the unit tests miss; SEED= (build/mutation.json)
+mutation: $(BUILD)/gcc-float/libdrivers.a
+	CORE_FLAGS="$(CORE_FLAGS)" TEST_FLAGS="$(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE" \
+	    DRIVERS="$<" $(PYTHON) tests/mutation/mutation.py $(BUILD)/mutation.json \
+	    $(MUTANTS) $(SEED) $(CORE_UNITS:%=tests/unit/%.c)
 
 # ---- Fuzz: what no test thought of -------------------------------------------------------------------
 

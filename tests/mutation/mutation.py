@@ -1,0 +1,210 @@
+"""Do the unit tests notice when one operator of lib/ is another?
+
+    mutation.py OUTPUT.json COUNT SEED TEST.c...
+
+Changes one operator of one lib/*.c at a time, COUNT times at random (the same ones for the same
+SEED), compiles that file (float, -O1) and runs the unit tests that link it, the one that is named
+after it first, until one fails. A mutant is caught when a test fails, crashes or does not end, or
+when it does not compile. Prints the survivors, writes all mutants to OUTPUT.json, and fails when
+fewer than 90 % are caught.
+
+A survivor is a hole in the tests or no change at all (an equivalent mutant): those that were looked
+at and found equivalent are explained below, and count as survivors all the same.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import re
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+LIB = Path("lib")
+BUILD = Path("build/mutation")
+OPTIONS = "-DAXT_REAL=float -O1 -w".split()
+CORE_FLAGS = [*os.environ["CORE_FLAGS"].split(), *OPTIONS]
+TEST_FLAGS = [*os.environ["TEST_FLAGS"].split(), *OPTIONS]
+DRIVERS = os.environ["DRIVERS"]  # archive; some tests of lib/ take the node's axis, too
+CAUGHT_MIN = 0.9
+
+# Binary operators stand between spaces (clang-format); pointers and signs do not.
+SWAPS = {
+    "+": "-", "-": "+", "*": "/", "/": "*", "+=": "-=", "-=": "+=", "*=": "/=",
+    "<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "==",
+    "&&": "||", "||": "&&", "&": "|", "|": "&", "<<": ">>", ">>": "<<", "++": "--", "--": "++",
+}  # fmt: skip
+BINARY = re.compile(r"(?<= )(\+=|-=|\*=|<<|>>|<=|>=|==|!=|&&|\|\||[-+*/<>&|])(?=[ \n])")
+OTHER = re.compile(r"(?<=\w)(\+\+|--)|(?<=[ (])(!)(?=[\w(])")
+NOT_CODE = re.compile(r'/\*.*?\*/|//[^\n]*|"[^"\n]*"|^#include[^\n]*', re.DOTALL | re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A change: `operator` at `place` of the file's text becomes `instead`."""
+
+    file: str
+    line: int
+    place: int
+    operator: str
+    instead: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a mutant."""
+
+    mutant: Mutant
+    caught_by: str | None
+
+
+@dataclass(frozen=True)
+class UnitTest:
+    """A compiled unit test, the files of lib/ that it links, and how long it runs."""
+
+    name: str
+    program: Path
+    links: frozenset[str]
+    seconds: float
+
+
+class MutationError(Exception):
+    """The unchanged code does not build or pass; the message says where."""
+
+
+def run(command: list[str]) -> subprocess.CompletedProcess[str]:
+    """A command whose outcome the caller looks at."""
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def build(command: list[str]) -> str:
+    """A command that has to succeed."""
+    result = run(command)
+    if result.returncode != 0:
+        raise MutationError(f"{' '.join(command)}\n{result.stderr[-2000:]}")
+    return result.stdout
+
+
+def mutants_of(path: Path) -> list[Mutant]:
+    """Every change that one operator of this file can take."""
+    text = path.read_text(encoding="utf-8")
+    code = NOT_CODE.sub(lambda found: re.sub(r"[^\n]", "_", found[0]), text)
+    mutants = []
+    for found in [*BINARY.finditer(code), *OTHER.finditer(code)]:
+        operator = found[0]
+        line = code.count("\n", 0, found.start()) + 1
+        source = text.splitlines()[line - 1].strip()
+        instead = SWAPS.get(operator, "")
+        mutants.append(Mutant(str(path), line, found.start(), operator, instead, source))
+    return mutants
+
+
+def compile_object(source: Path, target: Path, flags: list[str]) -> list[str]:
+    """The command that compiles a file of lib/ or a test of it."""
+    return ["gcc", *flags, "-c", str(source), "-o", str(target)]
+
+
+def link(test: Path, objects: list[Path], program: Path) -> list[str]:
+    """The command that links a test against objects and the archive of all others."""
+    rest = [str(test), *map(str, objects), DRIVERS, str(BUILD / "lib.a"), "-lm"]
+    return ["gcc", *rest, "-o", str(program)]
+
+
+def prepare(tests: list[Path]) -> list[UnitTest]:
+    """Builds all unchanged, runs it, and finds out which test links what."""
+    BUILD.mkdir(parents=True, exist_ok=True)
+    objects = []
+    for source in sorted(LIB.glob("*.c")):
+        objects.append(BUILD / f"{source.stem}.o")
+        build(compile_object(source, objects[-1], CORE_FLAGS))
+    (BUILD / "lib.a").unlink(missing_ok=True)
+    build(["ar", "rcs", str(BUILD / "lib.a"), *map(str, objects)])
+    ready = []
+    for source in tests:
+        test = BUILD / f"{source.stem}.o"
+        build(compile_object(source, test, TEST_FLAGS))
+        program = BUILD / source.stem
+        listing = build([*link(test, [], program), "-Wl,-Map=/dev/stdout"])
+        links = frozenset(re.findall(r"lib\.a\((axt_\w+)\.o\)", listing))
+        begun = time.monotonic()
+        build([str(program)])
+        ready.append(UnitTest(source.stem, test, links, time.monotonic() - begun))
+    return ready
+
+
+def fails(program: Path, limit: float) -> bool:
+    """Whether a test program fails, crashes or does not end."""
+    try:
+        result = subprocess.run(
+            [str(program)], capture_output=True, timeout=limit, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return True
+    return result.returncode != 0
+
+
+def judge(number: int, mutant: Mutant, tests: list[UnitTest]) -> Verdict:
+    """Builds one mutant and runs the tests concerned until one fails."""
+    folder = BUILD / str(number)
+    folder.mkdir(exist_ok=True)
+    original = Path(mutant.file)
+    text = original.read_text(encoding="utf-8")
+    changed = folder / original.name
+    end = mutant.place + len(mutant.operator)
+    changed.write_text(text[: mutant.place] + mutant.instead + text[end:], encoding="utf-8")
+    target = changed.with_suffix(".o")
+    if run(compile_object(changed, target, CORE_FLAGS)).returncode != 0:
+        return Verdict(mutant, "compiler")
+    concerned = [test for test in tests if original.stem in test.links]
+    own = f"test_{original.stem.removeprefix('axt_')}"
+    for test in sorted(concerned, key=lambda test: (test.name != own, test.seconds)):
+        program = folder / test.name
+        build(link(test.program, [target], program))
+        failed = fails(program, 10 + 10 * test.seconds)
+        program.unlink()
+        if failed:
+            return Verdict(mutant, test.name)
+    return Verdict(mutant, None)
+
+
+def main() -> int:
+    """Makes and judges the mutants; 1 when too many survive."""
+    output, count, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    try:
+        tests = prepare([Path(name) for name in sys.argv[4:]])
+    except MutationError as error:
+        print(error, file=sys.stderr)
+        return 1
+    possible = [mutant for path in sorted(LIB.glob("*.c")) for mutant in mutants_of(path)]
+    chosen = random.Random(seed).sample(possible, count)
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        verdicts = list(pool.map(lambda job: judge(job[0], job[1], tests), enumerate(chosen)))
+    survivors = [verdict.mutant for verdict in verdicts if verdict.caught_by is None]
+    for one in sorted(survivors, key=lambda one: (one.file, one.line)):
+        print(f"{one.file}:{one.line}: {one.operator!r} -> {one.instead!r}: {one.text}")
+    caught = count - len(survivors)
+    print(f"{caught} of {count} mutants caught, seed {seed}, {len(possible)} possible")
+    report = {
+        "seed": seed,
+        "possible": len(possible),
+        "mutants": count,
+        "caught": caught,
+        "survivors": [asdict(one) for one in survivors],
+        "verdicts": [
+            {"file": v.mutant.file, "line": v.mutant.line, "operator": v.mutant.operator,
+             "instead": v.mutant.instead, "caught_by": v.caught_by}
+            for v in verdicts
+        ],
+    }  # fmt: skip
+    output.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    return 0 if caught >= CAUGHT_MIN * count else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
