@@ -130,11 +130,12 @@ def prepare(tests: list[Path]) -> list[UnitTest]:
         test = BUILD / f"{source.stem}.o"
         build(compile_object(source, test, TEST_FLAGS))
         program = BUILD / source.stem
-        listing = build([*link(test, [], program), "-Wl,-Map=/dev/stdout"])
-        links = frozenset(re.findall(r"lib\.a\((axt_\w+)\.o\)", listing))
+        linked = program.with_suffix(".map")
+        build([*link(test, [], program), f"-Wl,-Map={linked}"])
+        found = re.findall(r"lib\.a\((axt_\w+)\.o\)", linked.read_text(encoding="utf-8"))
         begun = time.monotonic()
         build([str(program)])
-        ready.append(UnitTest(source.stem, test, links, time.monotonic() - begun))
+        ready.append(UnitTest(source.stem, test, frozenset(found), time.monotonic() - begun))
     return ready
 
 

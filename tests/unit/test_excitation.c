@@ -478,7 +478,16 @@ CASE(what_cannot_be_scaled_is_left_alone) {
     CHECK(same_bytes(table, other, 512 * sizeof table[0]));
 }
 
+CASE(a_table_whose_size_is_no_number_cannot_be_scaled) {
+    const axt_real infinite[] = {1, (axt_real)INFINITY, 2};
+    memcpy(table, infinite, sizeof infinite);
+    CHECK_EQUAL(axt_table_scale_to_rms(table, 3, 1), AXT_ERROR_NO_DATA);
+    CHECK_EQUAL(axt_table_scale_to_peak(table, 3, 1), AXT_ERROR_NO_DATA);
+    CHECK(same_bytes(table, infinite, sizeof infinite));
+}
+
 int main(void) {
+    RUN(a_table_whose_size_is_no_number_cannot_be_scaled);
     RUN(the_spectrum_is_flat_at_the_chosen_lines_and_zero_elsewhere);
     RUN(the_phases_are_schroeder_s);
     RUN(the_rms_is_the_one_asked_for);

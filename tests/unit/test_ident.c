@@ -894,6 +894,44 @@ static void check_ground(const axt_ident *ident, const bench *b, double toleranc
     CHECK_NEAR(entry(ident, R_RATE, TORQUE) * (double)(b->axis.I[0] + b->axis.I[1]), 1, tolerance);
 }
 
+/* How often |t| of friction and of spring is above 1.96, when the axis is held back by so much
+ * friction [N m s/rad] and so stiff a spring [N m/rad], and torque acts that nobody knows of. */
+static void count_alarms(wide friction, wide spring, double share[2]) {
+    enum { RUNS = 300 };
+    uint64_t seed = 11;
+    share[0] = share[1] = 0;
+    for (uint32_t run = 0; run < RUNS; run++) {
+        static bench b;
+        bench_start(&b, SETTING_A, run + 1, (wide)uniform(&seed, -20, 20));
+        const axt_ident_config config = config_of(AXT_IDENT_5X4, SETTING_A);
+        axt_ident ident = ident_of(&config);
+        wide unknown = 0;
+        while (b.sample < 4 * b.period) {
+            unknown = with_white_mean(&seed, 2e-3L, unknown);
+            bench_step_disturbed(
+                &b, unknown - friction * b.axis.speed[0] - spring * b.axis.angle[0], 0);
+            take_motion(&ident, &b);
+        }
+        const axt_estimate e = estimate_of(&ident);
+        share[0] += (fabs((double)e.friction.t) > 1.96) ? 1.0 / RUNS : 0;
+        share[1] += (fabs((double)e.spring.t) > 1.96) ? 1.0 / RUNS : 0;
+    }
+}
+
+CASE(friction_and_spring_are_found_where_they_are_and_seldom_where_they_are_not) {
+    double none[2];
+    double friction[2];
+    double spring[2];
+    count_alarms(0, 0, none);
+    count_alarms(2e-4L, 0, friction);
+    count_alarms(0, 0.1L, spring);
+    for (int i = 0; i < 2; i++) {
+        CHECK_NEAR(none[i], 0.05, 0.04); /* of 300 runs: three times its own scatter */
+    }
+    CHECK(friction[0] > 0.95);
+    CHECK(spring[1] > 0.95);
+}
+
 CASE(friction_and_springs_to_ground_show_in_the_surplus_entries) {
     static bench b;
     bench_start(&b, SETTING_A, 0, 20);
@@ -984,6 +1022,7 @@ int main(void) {
     RUN(neither_sign_nor_turns_change_a_bit);
     RUN(it_does_not_matter_when_one_starts_to_listen);
     RUN(the_surplus_entries_of_an_ideal_axis_are_zero);
+    RUN(friction_and_spring_are_found_where_they_are_and_seldom_where_they_are_not);
     RUN(friction_and_springs_to_ground_show_in_the_surplus_entries);
     RUN(settings_that_make_no_sense_are_refused_and_nothing_is_written);
     say_if_shortened("test_ident");

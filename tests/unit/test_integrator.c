@@ -604,7 +604,20 @@ CASE(nothing_but_finite_numbers_come_out_of_any_integrator) {
     CHECK(accepted > 1000 / SHORTENED);
 }
 
+CASE(the_count_of_steps_stops_at_its_end) {
+    axt_integrator integrator;
+    CHECK_EQUAL(
+        axt_integrator_init(&integrator, AXT_METHOD_HOUBOLT, &axt_axis_paper, (axt_real)1e-5),
+        AXT_OK);
+    integrator.steps = UINT32_MAX - 1;
+    for (int i = 0; i < 3; i++) {
+        CHECK_EQUAL(axt_integrator_step(&integrator, 0), AXT_OK);
+        CHECK_EQUAL(integrator.steps, UINT32_MAX);
+    }
+}
+
 int main(void) {
+    RUN(the_count_of_steps_stops_at_its_end);
     RUN(each_method_is_the_textbook_s_whatever_the_axis_and_the_step);
     RUN(each_method_starts_from_the_motion_that_was_set);
     RUN(the_exact_map_is_the_matrix_exponential_for_any_damping);

@@ -648,7 +648,25 @@ CASE(nothing_but_finite_numbers_come_out_of_any_plant) {
     CHECK(accepted > 0);
 }
 
+/* A twist that would be beyond all bounds a step later. */
+CASE(a_twist_speed_that_leaves_the_range_within_a_step_is_refused) {
+    const axt_axis soft = {.I1 = 1, .I2 = 1, .B = 0, .K = (axt_real)1e-3};
+    axt_plant plant;
+    CHECK_EQUAL(axt_plant_init(&plant, &soft, (axt_real)1e-3, &axt_newmark_trapezoidal), AXT_OK);
+    const axt_plant before = plant;
+    const axt_real turning[] = {(axt_real)2.1e6, (axt_real)1.5e6}; /* 2100 and 1500 rad a step */
+    for (size_t i = 0; i < COUNT_OF(turning); i++) {
+        const axt_motion motion = {
+            .twist = 900, .twist_speed = turning[i], .speed = turning[i] / 2};
+        CHECK_EQUAL(axt_plant_set(&plant, &motion, 0), AXT_ERROR_RANGE);
+        CHECK(UNCHANGED(plant, before));
+    }
+    const axt_motion fine = {.twist = 900, .twist_speed = 1000, .speed = 500};
+    CHECK_EQUAL(axt_plant_set(&plant, &fine, 0), AXT_OK);
+}
+
 int main(void) {
+    RUN(a_twist_speed_that_leaves_the_range_within_a_step_is_refused);
     RUN(the_plant_is_newmark_s_method_whatever_alpha_and_delta);
     RUN(the_first_acceleration_is_that_of_equilibrium);
     RUN(an_axis_at_rest_stays_at_rest);

@@ -374,11 +374,45 @@ CASE(the_wrong_kind_of_sample_is_refused_and_changes_nothing) {
     CHECK(UNCHANGED(encoders, before[1]));
 }
 
+/* An axis that vibrates faster than is sampled: the filter stays below the Nyquist frequency. */
+CASE(a_filter_can_be_made_for_any_axis) {
+    static const double stiffnesses[] = {1e-6, 1, 110, 1e6, 1e12};
+    for (size_t i = 0; i < COUNT_OF(stiffnesses); i++) {
+        axt_axis axis = axt_axis_paper;
+        axis.K = (axt_real)stiffnesses[i];
+        axt_ident_config config = config_of(AXT_IDENT_3X2, 1e-4, &axis);
+        config.counts_per_turn[0] = config.counts_per_turn[1] = 10000;
+        axt_regressor regressor;
+        CHECK_EQUAL(axt_regressor_init(&regressor, &config), AXT_OK);
+        const double wn = natural_frequency(&axis);
+        const double corner = (double)(regressor.filter.half_dt) * 2; /* times Dt */
+        CHECK_NEAR(corner / fmin(wn * 1e-4, 2), 1, 1e-5);
+    }
+}
+
+CASE(shapes_are_those_of_form_and_hold) {
+    axt_ident_config config = config_of(AXT_IDENT_5X4, 1e-4, &axt_axis_paper);
+    axt_regressor regressor = regressor_of(&config);
+    CHECK_EQUAL(axt_regressor_inputs(&regressor), 5);
+    CHECK_EQUAL(axt_regressor_outputs(&regressor), 4);
+    config.form = AXT_IDENT_3X2;
+    config.hold = AXT_HOLD_ZERO;
+    regressor = regressor_of(&config);
+    CHECK_EQUAL(axt_regressor_inputs(&regressor), 3);
+    CHECK_EQUAL(axt_regressor_outputs(&regressor), 2);
+    config.counts_per_turn[0] = config.counts_per_turn[1] = 10000;
+    regressor = regressor_of(&config);
+    CHECK_EQUAL(axt_regressor_inputs(&regressor), 4);
+    config.hold = AXT_HOLD_LINEAR;
+    regressor = regressor_of(&config);
+    CHECK_EQUAL(axt_regressor_inputs(&regressor), 3);
+}
+
 CASE(settings_that_make_no_sense_are_refused_and_nothing_is_written) {
     const axt_ident_config good = config_of(AXT_IDENT_3X2, 1e-4, &axt_axis_paper);
     axt_regressor regressor = regressor_of(&good);
     const axt_regressor before = regressor;
-    axt_ident_config bad[12];
+    axt_ident_config bad[15];
     for (size_t i = 0; i < COUNT_OF(bad); i++) {
         bad[i] = good;
     }
@@ -394,6 +428,13 @@ CASE(settings_that_make_no_sense_are_refused_and_nothing_is_written) {
     bad[9].counts_per_turn[0] = bad[9].counts_per_turn[1] = AXT_ENCODER_COUNTS_MAX + 1;
     bad[10].expected.I1 = 0;
     bad[11].torque = not_finite[0];
+    bad[12].hold = (axt_hold)2;
+    bad[13].form = AXT_IDENT_5X4; /* six regressors */
+    bad[13].hold = AXT_HOLD_ZERO;
+    bad[13].counts_per_turn[0] = bad[13].counts_per_turn[1] = 10000;
+    bad[14].time_step = (axt_real)1e-7; /* the filter would take a day to settle */
+    bad[14].expected = (axt_axis){.I1 = 1e5, .I2 = 1e5, .B = 0, .K = (axt_real)1e-6};
+    bad[14].counts_per_turn[0] = bad[14].counts_per_turn[1] = 10000;
     for (size_t i = 0; i < COUNT_OF(bad); i++) {
         CHECK_EQUAL(axt_regressor_init(&regressor, &bad[i]), AXT_ERROR_RANGE);
         CHECK(UNCHANGED(regressor, before));
@@ -416,6 +457,8 @@ int main(void) {
     RUN(no_equation_spans_a_gap_and_a_refused_sample_changes_nothing);
     RUN(a_torque_beyond_all_expectation_is_refused_with_counts);
     RUN(the_wrong_kind_of_sample_is_refused_and_changes_nothing);
+    RUN(a_filter_can_be_made_for_any_axis);
+    RUN(shapes_are_those_of_form_and_hold);
     RUN(settings_that_make_no_sense_are_refused_and_nothing_is_written);
     return REPORT();
 }

@@ -632,8 +632,83 @@ CASE(a_damaged_state_is_recognised) {
     rls.inputs = 6;
     CHECK(!axt_rls_invariants(&rls));
     rls = fine;
-    rls.forgetting = 2;
+    rls.inputs = 0;
     CHECK(!axt_rls_invariants(&rls));
+    for (uint8_t outputs = 0; outputs <= 5; outputs += 5) {
+        rls = fine;
+        rls.outputs = outputs;
+        CHECK(!axt_rls_invariants(&rls));
+    }
+    for (int forgetting = 0; forgetting <= 2; forgetting += 2) {
+        rls = fine;
+        rls.forgetting = (axt_real)forgetting;
+        CHECK(!axt_rls_invariants(&rls));
+    }
+    rls = fine;
+    rls.factor[0] = 1001; /* above its start */
+    CHECK(!axt_rls_invariants(&rls));
+}
+
+/* ---- Information ------------------------------------------------------------------------------
+ */
+
+/* Inverse of the n x n matrix in `a`, by Gauss and Jordan with pivots. */
+static void invert(wide a[N][N], uint32_t n, wide inverse[N][N]) {
+    for (uint32_t i = 0; i < n; i++) {
+        for (uint32_t j = 0; j < n; j++) {
+            inverse[i][j] = (i == j) ? 1 : 0;
+        }
+    }
+    for (uint32_t k = 0; k < n; k++) {
+        const wide pivot = a[k][k]; /* not zero: the matrix is positive definite */
+        for (uint32_t j = 0; j < n; j++) {
+            a[k][j] /= pivot;
+            inverse[k][j] /= pivot;
+        }
+        for (uint32_t i = 0; i < n; i++) {
+            const wide share = (i == k) ? 0 : a[i][k];
+            for (uint32_t j = 0; j < n; j++) {
+                a[i][j] -= share * a[k][j];
+                inverse[i][j] -= share * inverse[k][j];
+            }
+        }
+    }
+}
+
+CASE(information_is_the_diagonal_of_the_inverse) {
+    uint64_t seed = 20;
+    for (uint32_t n = 1; n <= N; n++) {
+        for (int run = 0; run < 50; run++) {
+            axt_rls rls = rls_of(n, 1, 1, 100);
+            for (uint32_t k = 0; k < 3 * n; k++) {
+                axt_real phi[N];
+                const axt_real y = 0;
+                for (uint32_t i = 0; i < n; i++) {
+                    phi[i] = gaussian(&seed);
+                }
+                CHECK_EQUAL(axt_rls_update(&rls, phi, &y), AXT_OK);
+            }
+            wide factors[N][N]; /* P = U D U', of the very factors */
+            wide inverse[N][N];
+            for (uint32_t i = 0; i < n; i++) {
+                for (uint32_t j = 0; j < n; j++) {
+                    factors[i][j] = 0;
+                    for (uint32_t k = (i > j) ? i : j; k < n; k++) {
+                        const axt_real *column = &rls.factor[k * (k + 1) / 2];
+                        const wide left = (i == k) ? 1 : (wide)column[i];
+                        const wide right = (j == k) ? 1 : (wide)column[j];
+                        factors[i][j] += left * right * (wide)column[k];
+                    }
+                }
+            }
+            invert(factors, n, inverse);
+            for (uint32_t i = 0; i < n; i++) {
+                CHECK_NEAR((wide)axt_rls_information(&rls, i) / inverse[i][i], 1,
+                           1000 * REAL_EPSILON);
+            }
+            CHECK_NEAR(axt_rls_information(&rls, n), 0, 0);
+        }
+    }
 }
 
 int main(void) {
@@ -655,6 +730,7 @@ int main(void) {
     RUN(settings_that_make_no_sense_are_refused_and_nothing_is_written);
     RUN(elements_outside_the_covariance_are_zero);
     RUN(a_damaged_state_is_recognised);
+    RUN(information_is_the_diagonal_of_the_inverse);
     say_if_shortened("test_rls");
     return REPORT();
 }
