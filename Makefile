@@ -170,7 +170,7 @@ $(RTU_NODE): tests/host/modbus_rtu_node.c $(BUILD)/sanitized-float/libdrivers.a 
 
 RESULTS := $(BUILD)/results
 PYTEST  := $(VENV)/bin/python -m pytest -c host/pyproject.toml --rootdir=. -o cache_dir=$(BUILD)/pytest
-C_FILES := $(wildcard lib/*.[ch] host/native/*.[ch] drivers/*/*.[ch] tests/unit/*.[ch] tests/host/*.c tests/readme/*.c)
+C_FILES := $(wildcard lib/*.[ch] host/native/*.[ch] drivers/*/*.[ch] tests/unit/*.[ch] tests/host/*.c tests/readme/*.c tests/fuzz/*.[ch])
 PY_CODE := host drivers tests
 SCRIPTS := $(filter-out %.py %.txt,$(wildcard tests/tools/*)) .ci/run
 QUICK   := $(addprefix unit-,gcc-float gcc-double) host-tests \

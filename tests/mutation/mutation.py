@@ -142,9 +142,7 @@ def prepare(tests: list[Path]) -> list[UnitTest]:
 def fails(program: Path, limit: float) -> bool:
     """Whether a test program fails, crashes or does not end."""
     try:
-        result = subprocess.run(
-            [str(program)], capture_output=True, timeout=limit, check=False
-        )
+        result = subprocess.run([str(program)], capture_output=True, timeout=limit, check=False)
     except subprocess.TimeoutExpired:
         return True
     return result.returncode != 0

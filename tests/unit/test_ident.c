@@ -784,6 +784,72 @@ CASE(after_a_reset_all_is_learned_anew) {
     }
 }
 
+CASE(counts_of_a_sample_that_is_not_newer_are_refused) {
+    axt_ident_config config = config_of(AXT_IDENT_3X2, SETTING_A);
+    config.counts_per_turn[0] = config.counts_per_turn[1] = 1048576;
+    axt_ident ident = ident_of(&config);
+    CHECK_EQUAL(axt_ident_counts(&ident, 7, 0, 0, 0), AXT_ERROR_NO_DATA);
+    CHECK_EQUAL(axt_ident_counts(&ident, 7, 0, 0, 0), AXT_ERROR_REPEATED);
+    CHECK_EQUAL(ident.counters.repeated, 1);
+}
+
+CASE(there_is_an_answer_before_its_errors_are_known_but_none_to_rely_on) {
+    static bench b;
+    bench_start(&b, SETTING_B, 1, 0);
+    const axt_ident_config config = config_of(AXT_IDENT_3X2, SETTING_B);
+    axt_ident ident = ident_of(&config);
+    while (b.sample < 150) {
+        bench_step(&b);
+        take_motion(&ident, &b);
+    }
+    const axt_estimate estimate = estimate_of(&ident);
+    check_axis(&estimate.axis, 1e-4, 1e-3);
+    CHECK_EQUAL(estimate.valid, 0);
+    CHECK_NEAR(estimate.axis_error.K, 0, 0);
+}
+
+/* zeta = 6: no vibration, and over long steps held torque hardly tells K and B. */
+CASE(an_axis_damped_beyond_critical_is_found_or_there_is_no_answer) {
+    axt_axis axis = axt_axis_paper;
+    axis.B *= 150;
+    for (int hold = 0; hold < 2; hold++) {
+        static bench b;
+        bench_start_axis(&b, &axis, SETTING_B, 1, 0);
+        const held_map map = held_map_of_axis(&b.axis);
+        axt_ident_config config = config_of(AXT_IDENT_3X2, SETTING_B);
+        config.hold = (axt_hold)hold;
+        axt_ident ident = ident_of(&config);
+        while (b.sample < 2 * b.period) {
+            if (hold == 0) {
+                bench_step(&b);
+            } else {
+                bench_step_held(&b, &map);
+            }
+            take_motion(&ident, &b);
+        }
+        axt_estimate e;
+        const axt_status status = axt_ident_result(&ident, &e);
+        CHECK_EQUAL(status, (hold == 0) ? AXT_OK : AXT_ERROR_NO_DATA);
+        if (status == AXT_OK) {
+            CHECK_NEAR(e.axis.K / axis.K, 1, 1e-4);
+            CHECK_NEAR(e.axis.B / axis.B, 1, 1e-4);
+            CHECK_NEAR(e.modal.wd, 0, 0);
+            CHECK(isfinite((double)e.modal_error.wd) && e.modal_error.zeta > 0);
+        }
+    }
+}
+
+/* Counts at most wrap around: beyond half of their range there is no telling a jump. */
+CASE(the_limit_of_a_jump_stays_within_the_range_of_counts) {
+    axt_ident_config config = config_of(AXT_IDENT_3X2, SETTING_A);
+    config.counts_per_turn[0] = config.counts_per_turn[1] = AXT_ENCODER_COUNTS_MAX;
+    config.torque = 1e6;
+    config.time_step = (axt_real)0.1;
+    const axt_ident ident = ident_of(&config);
+    CHECK_EQUAL(ident.guard.change_max[0], 1 << 30);
+    CHECK_EQUAL(ident.guard.change_max[1], 1 << 30);
+}
+
 /* ---- Invariances ---------------------------------------------------------------------------- */
 
 CASE(neither_sign_nor_turns_change_a_bit) {
@@ -1019,6 +1085,10 @@ int main(void) {
     RUN(the_counters_stop_at_their_ends);
     RUN(the_wrong_kind_of_sample_is_refused_and_changes_nothing);
     RUN(after_a_reset_all_is_learned_anew);
+    RUN(counts_of_a_sample_that_is_not_newer_are_refused);
+    RUN(there_is_an_answer_before_its_errors_are_known_but_none_to_rely_on);
+    RUN(an_axis_damped_beyond_critical_is_found_or_there_is_no_answer);
+    RUN(the_limit_of_a_jump_stays_within_the_range_of_counts);
     RUN(neither_sign_nor_turns_change_a_bit);
     RUN(it_does_not_matter_when_one_starts_to_listen);
     RUN(the_surplus_entries_of_an_ideal_axis_are_zero);
