@@ -170,7 +170,7 @@ $(RTU_NODE): tests/host/modbus_rtu_node.c $(BUILD)/sanitized-float/libdrivers.a 
 
 RESULTS := $(BUILD)/results
 PYTEST  := $(VENV)/bin/python -m pytest -c host/pyproject.toml --rootdir=. -o cache_dir=$(BUILD)/pytest
-C_FILES := $(wildcard lib/*.[ch] host/native/*.[ch] drivers/*/*.[ch] tests/unit/*.[ch] tests/host/*.c tests/readme/*.c tests/fuzz/*.[ch])
+C_FILES := $(wildcard lib/*.[ch] host/native/*.[ch] drivers/*/*.[ch] tests/unit/*.[ch] tests/host/*.c tests/readme/*.c)
 PY_CODE := host drivers tests
 SCRIPTS := $(filter-out %.py %.txt,$(wildcard tests/tools/*)) .ci/run
 QUICK   := $(addprefix unit-,gcc-float gcc-double) host-tests \
@@ -196,7 +196,7 @@ lint-mypy: $(VENV)/.host-test
 	$(VENV)/bin/mypy --config-file host/pyproject.toml --cache-dir $(BUILD)/mypy $(PY_CODE)
 
 lint-clang-format: $(BUILD)/packages-check
-	clang-format --dry-run -Werror $(C_FILES) $(wildcard tests/proof/*.[ch])
+	clang-format --dry-run -Werror $(C_FILES) $(wildcard tests/proof/*.[ch] tests/fuzz/*.[ch])
 
 lint-clang-tidy: $(BUILD)/packages-check $(CONTRACT_HEADERS)
 	printf '%s\n' $(filter %.c,$(C_FILES)) | xargs --max-args=4 --max-procs=$$(nproc) sh -c \

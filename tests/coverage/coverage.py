@@ -33,7 +33,6 @@ RANGES = "the ranges of the settings keep it away from that end"
 JUSTIFIED = {
     ("lib/axt_excitation.c", "if (!(sum.hi > AXT_R(0)) || !axt_finite(sum.hi)) {"): "an infinite "
     "sum is not a number any more after the two-sum, and then not above 0 either",
-    ("lib/axt_ident.c", "return (variance > AXT_R(0)) ? axt_sqrt(variance) : AXT_R(0);"): ROUNDING,
     (
         "lib/axt_ident.c",
         "found.t = (found.error > AXT_R(0)) ? found.value / found.error : AXT_R(0);",

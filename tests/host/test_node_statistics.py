@@ -46,7 +46,8 @@ def white_means(random: np.random.Generator, length: int) -> Array:
     """Torque whose mean of two neighbours is white, of 2 mN m."""
     fresh = random.normal(0, 2e-3, length)
     signs = (-1.0) ** np.arange(length)
-    return signs * np.cumsum(2 * fresh * signs)
+    means: Array = signs * np.cumsum(2 * fresh * signs)
+    return means
 
 
 def values(axis: core.Axis, modal: core.Modal) -> Array:

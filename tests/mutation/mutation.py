@@ -27,7 +27,7 @@ from pathlib import Path
 
 LIB = Path("lib")
 BUILD = Path("build/mutation")
-OPTIONS = "-DAXT_REAL=float -O1 -w".split()
+OPTIONS = ["-DAXT_REAL=float", "-O1", "-w"]
 CORE_FLAGS = [*os.environ["CORE_FLAGS"].split(), *OPTIONS]
 TEST_FLAGS = [*os.environ["TEST_FLAGS"].split(), *OPTIONS]
 DRIVERS = os.environ["DRIVERS"]  # archive; some tests of lib/ take the node's axis, too
