@@ -28,7 +28,9 @@ from pathlib import Path
 LIB = Path("lib")
 BUILD = Path("build/mutation")
 OPTIONS = ["-DAXT_REAL=float", "-O1", "-w"]
-CORE_FLAGS = [*os.environ["CORE_FLAGS"].split(), *OPTIONS]
+# An index beyond its array is seen, as it is in the sanitized variants.
+SANITIZE = ["-fsanitize=bounds,signed-integer-overflow,shift", "-fno-sanitize-recover=all"]
+CORE_FLAGS = [*os.environ["CORE_FLAGS"].split(), *OPTIONS, *SANITIZE]
 TEST_FLAGS = [*os.environ["TEST_FLAGS"].split(), *OPTIONS]
 DRIVERS = os.environ["DRIVERS"]  # archive; some tests of lib/ take the node's axis, too
 CAUGHT_MIN = 0.9
@@ -113,7 +115,7 @@ def compile_object(source: Path, target: Path, flags: list[str]) -> list[str]:
 def link(test: Path, objects: list[Path], program: Path) -> list[str]:
     """The command that links a test against objects and the archive of all others."""
     rest = [str(test), *map(str, objects), DRIVERS, str(BUILD / "lib.a"), "-lm"]
-    return ["gcc", *rest, "-o", str(program)]
+    return ["gcc", *SANITIZE, *rest, "-o", str(program)]
 
 
 def prepare(tests: list[Path]) -> list[UnitTest]:

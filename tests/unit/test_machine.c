@@ -46,6 +46,7 @@ CASE(each_effect_alone_changes_the_motion) {
         {.disturbance = {{.amplitude = (axt_real)0.01, .frequency = 300}}},
         {.disturbance = {[1] = {.amplitude = (axt_real)0.01, .frequency = 300}}},
         {.torque_ripple = {{.amplitude = (axt_real)0.01, .periods = 7}}},
+        {.torque_ripple = {[3] = {.amplitude = (axt_real)0.01, .periods = 7}}},
         {.backlash = (axt_real)1e-4},
         {.stiffness_hardening = (axt_real)1e9},
         {.stiffness_drift = 20},
@@ -71,6 +72,31 @@ CASE(a_state_that_the_plant_refuses_is_refused_and_nothing_changes) {
     CHECK(UNCHANGED(machine, before));
 }
 
+CASE(a_refused_torque_is_counted) {
+    const axt_effects effects = {.backlash = (axt_real)1e-4};
+    axt_machine machine = machine_with(&effects);
+    CHECK_EQUAL(axt_machine_step(&machine, (axt_real)0.1), AXT_OK);
+    CHECK_EQUAL(machine.rejected, 0);
+    CHECK_EQUAL(axt_machine_step(&machine, not_finite[0]), AXT_ERROR_NOT_FINITE);
+    CHECK_EQUAL(machine.rejected, 1);
+}
+
+CASE(measured_speeds_are_those_of_the_axis) {
+    const axt_effects effects = {.encoder_eccentricity = {{.amplitude = (axt_real)0.01}}};
+    axt_machine machine = machine_with(&effects);
+    uint64_t seed = 2;
+    for (int n = 0; n < 200; n++) {
+        CHECK_EQUAL(axt_machine_step(&machine, uniform(&seed, -0.5, 0.5)), AXT_OK);
+        axt_motion real;
+        axt_motion measured;
+        axt_machine_read(&machine, &real);
+        axt_machine_measure(&machine, &measured);
+        const double rounding = 100 * REAL_EPSILON * (1 + fabs((double)real.speed));
+        CHECK_NEAR(measured.speed, real.speed, rounding);
+        CHECK_NEAR(measured.twist_speed, real.twist_speed, rounding);
+    }
+}
+
 CASE(the_count_of_steps_stops_at_its_end) {
     const axt_effects effects = {.stiffness_drift = (axt_real)1e-6};
     axt_machine machine = machine_with(&effects);
@@ -84,6 +110,8 @@ CASE(the_count_of_steps_stops_at_its_end) {
 int main(void) {
     RUN(each_effect_alone_changes_the_motion);
     RUN(a_state_that_the_plant_refuses_is_refused_and_nothing_changes);
+    RUN(a_refused_torque_is_counted);
+    RUN(measured_speeds_are_those_of_the_axis);
     RUN(the_count_of_steps_stops_at_its_end);
     return REPORT();
 }
