@@ -72,7 +72,7 @@ AXT_COLD void axt_rls_reset(axt_rls *rls) {
 /* Refuses a sample before anything has changed. */
 AXT_SEPARATE AXT_COLD axt_status reject(axt_rls *rls, axt_real size) {
     axt_count(&rls->rejected);
-    return axt_finite(size) ? AXT_ERROR_RANGE : AXT_ERROR_NOT_FINITE;
+    return (size <= AXT_REAL_MAX) ? AXT_ERROR_RANGE : AXT_ERROR_NOT_FINITE;
 }
 
 /* The factors have left the range of the number type, which no scaled motion was seen to do: what
