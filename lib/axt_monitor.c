@@ -32,7 +32,7 @@ axt_status axt_monitor_init(axt_monitor *monitor, const axt_monitor_config *conf
     }
     *monitor = (axt_monitor){
         .config = *config,
-        .limit = limit_for((axt_real)AXT_MONITOR_CHARTS * config->false_alarm),
+        .limit = limit_for((axt_real)(AXT_MONITOR_ROWS * AXT_MONITOR_CHARTS) * config->false_alarm),
     };
     return AXT_OK;
 }
@@ -80,7 +80,7 @@ static bool chart_rings(axt_real *chart, axt_real z, axt_real limit) {
 }
 
 static uint32_t watch(axt_monitor *monitor, uint32_t k, axt_real size, axt_real colour) {
-    axt_real *chart = &monitor->chart[3 * k];
+    axt_real *chart = monitor->chart[k];
     const axt_normal *usual_size = &monitor->size[k];
     const axt_normal *usual_colour = &monitor->colour[k];
     const axt_real z = (colour - usual_colour->mean) * usual_colour->deviation;

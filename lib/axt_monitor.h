@@ -32,7 +32,7 @@
 #include "axt_rls.h"
 #include "axt_status.h"
 
-enum { AXT_MONITOR_ROWS = 2, AXT_MONITOR_CHARTS = 3 * AXT_MONITOR_ROWS };
+enum { AXT_MONITOR_ROWS = 2, AXT_MONITOR_CHARTS = 3 };
 
 typedef struct {
     uint32_t batch;       /* samples of a batch, 100 or more: many correlation times of the noise */
@@ -77,9 +77,9 @@ typedef struct {
     axt_real product[AXT_MONITOR_ROWS];                   /* e[k] e[k-1] */
     axt_normal size[AXT_MONITOR_ROWS];
     axt_normal colour[AXT_MONITOR_ROWS];
-    axt_real chart[AXT_MONITOR_CHARTS]; /* S: size, colour up, colour down of each row */
-    uint32_t taken;                     /* samples of the batch so far */
-    uint32_t learned;                   /* batches */
+    axt_real chart[AXT_MONITOR_ROWS][AXT_MONITOR_CHARTS]; /* S of size, colour up, colour down */
+    uint32_t taken;                                       /* samples of the batch so far */
+    uint32_t learned;                                     /* batches */
 } axt_monitor;
 
 /* AXT_ERROR_RANGE leaves `monitor` unchanged. Cost: at most 20 multiplications. */

@@ -56,7 +56,7 @@ axt_status axt_rows_from_held(axt_rows *rows, axt_rows_kind kind, axt_real time_
                               axt_real factor[3]) {
     axt_real stiffness = -rows->twist[0];
     axt_real damping = -rows->twist[1];
-    axt_real by[2];
+    axt_real by[2] = {AXT_R(1), AXT_R(1)};
     axt_real change = AXT_R(1);
     for (uint32_t round = 0; round < ROUNDS_MAX && change > CHANGE_MAX; round++) {
         axt_real row[2];

@@ -129,9 +129,8 @@ CASE(malformed_commands_are_refused_and_change_nothing) {
             axt_slcan slcan = plugged_in((open == 1) ? "O\r" : "");
             axt_slcan before = slcan;
             CHECK(answers(&slcan, lines[i], "\a"));
-            memset(before.line, 0, sizeof before.line);
-            memset(slcan.line, 0, sizeof slcan.line);
-            CHECK(memcmp(&before, &slcan, sizeof slcan) == 0);
+            memcpy(before.line, slcan.line, sizeof before.line);
+            CHECK(UNCHANGED(slcan, before));
         }
     }
 }

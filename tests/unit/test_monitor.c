@@ -250,8 +250,8 @@ CASE(innovations_beyond_all_bounds_ring_and_leave_no_number_that_is_none) {
     }
     CHECK_EQUAL(monitor.state, AXT_MONITOR_ALARM);
     CHECK((monitor.reasons & AXT_MONITOR_TWIST_SIZE) != 0);
-    for (int i = 0; i < AXT_MONITOR_CHARTS; i++) {
-        CHECK(isfinite(monitor.chart[i]));
+    for (int i = 0; i < AXT_MONITOR_ROWS * AXT_MONITOR_CHARTS; i++) {
+        CHECK(isfinite(monitor.chart[i / AXT_MONITOR_CHARTS][i % AXT_MONITOR_CHARTS]));
     }
     /* and while it learns they do not spoil what is normal */
     axt_monitor learning = monitor_of(BATCH, LEARNING, 1e6);
