@@ -24,7 +24,7 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
 from axistwin.cli import main
 from axistwin.errors import NotEnoughDataError
-from axistwin.modbus import HistoryLog
+from axistwin.history import HistoryLog
 from axistwin.readers import read_record
 from axistwin.registers import Value, load_table
 

@@ -3,16 +3,11 @@
 Of the formats for bus logs only lines of text can be read however they end. MF4 has its index at
 the end and is nothing without it, SQLite gives wrong numbers where pages are missing, BLF is
 written in containers. So every log is first written as candump does, and the other formats are made
-of that when it is complete. A thread of its own does all writing: a disk that is busy holds up no
-receiving.
+of that when it is complete.
 """
 
 from __future__ import annotations
 
-import errno
-import os
-import threading
-from collections import deque
 from pathlib import Path
 from typing import TextIO, cast
 
@@ -20,15 +15,13 @@ import can
 import numpy as np
 
 from axistwin.errors import AxisTwinError, FileError, InputError
+from axistwin.journal import Journal
 from axistwin.output import atomic_write
 from axistwin.readers import buslog
 from axistwin.terminal import Terminal
 
 # The format that a log is written in while it is being made.
 _ENDING = ".log"
-
-# What has come is given to the operating system, and by it to the disk, this often [s].
-_INTERVAL = 0.25
 
 # Converting says how far it is once in so many frames.
 _PROGRESS = 20_000
@@ -52,17 +45,8 @@ class LogFile:
                 f"{self.journal} is there: a log that was not completed. Read it as it is or make "
                 f"a {path.suffix} of it (can_logconvert {self.journal} {path}), then move it away"
             )
-        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
-        try:
-            self._file = os.open(self.journal, flags, 0o666)
-        except OSError as error:
-            raise FileError(f"cannot write {path}: {error.strerror}") from error
-        self._lines: deque[str] = deque()
-        self._failure: str | None = None
-        self._ended = threading.Event()
-        self._format = can.CanutilsLogWriter(cast(TextIO, self))
-        self._thread = threading.Thread(target=self._run, name="log", daemon=True)
-        self._thread.start()
+        self._file = Journal(self.journal)
+        self._format = can.CanutilsLogWriter(cast(TextIO, self._file))
 
     def __enter__(self) -> LogFile:
         return self
@@ -72,55 +56,17 @@ class LogFile:
 
     def __call__(self, message: can.Message) -> None:
         """Takes a message."""
-        if self._failure is None:
-            self._format(message)
+        self._format(message)
 
     def check(self) -> None:
         """Raises FileError when the log can no longer be written."""
-        if self._failure is not None:
-            raise FileError(self._failure)
-
-    def write(self, line: str) -> None:
-        """Takes a line from python-can's formatter."""
-        self._lines.append(line)
+        self._file.check()
 
     def close(self) -> None:
         """Writes what is left, and the other format. Raises FileError when anything failed."""
-        self._ended.set()
-        self._thread.join()
-        os.close(self._file)
-        self.check()
+        self._file.close()
         if self.journal != self.path:
             _convert(self.journal, self.path, self._terminal)
-
-    def _run(self) -> None:
-        try:
-            ended = False
-            while not ended:
-                ended = self._ended.wait(_INTERVAL)
-                self._save()
-        except OSError as error:
-            reason = error.strerror or str(error)
-            self._failure = f"cannot write {self.journal}: {reason}; what came before is in it"
-
-    def _save(self) -> None:
-        """Brings what has come to the disk, and sees to it that the file is still there."""
-        text = "".join(self._lines.popleft() for _ in range(len(self._lines))).encode()
-        while text:
-            text = text[os.write(self._file, text) :]
-        try:
-            os.fdatasync(self._file)
-        except OSError as error:
-            if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # a pipe, or a device
-                raise
-        if not self._is_there():
-            raise FileNotFoundError(errno.ENOENT, "it was removed, or its file system has gone")
-
-    def _is_there(self) -> bool:
-        try:
-            return os.path.samestat(os.fstat(self._file), self.journal.stat())
-        except FileNotFoundError:
-            return False
 
 
 def journal_of(path: Path) -> Path:

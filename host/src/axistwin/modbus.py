@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from typing import Any, cast
 
-import numpy as np
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.client.base import ModbusBaseSyncClient
 from pymodbus.exceptions import ModbusException
@@ -29,11 +28,8 @@ from axistwin.errors import (
     ContractError,
     InputError,
     NoAnswerError,
-    NotEnoughDataError,
 )
-from axistwin.record import Array, Indices, Record
 from axistwin.registers import Value, load_table
-from axistwin.timebase import Clock, fit_clock
 
 #: Port of Modbus over TCP where none is given.
 PORT = 502
@@ -59,13 +55,7 @@ _EXCEPTIONS = {
     _BUSY: "not now",
     11: "there is no node of this id here",
 }
-_WRAP = 1 << 32
-
-# A node that is off by more than this share does not run in real time.
-_DRIFT_MAX = 1e-3
-
-# What was read may be older by this [s] than the time at which it was asked for.
-_LATE_MAX = 0.25
+_ARGUMENT_END = 1 << 32
 
 Tell = Callable[[str], None]
 
@@ -338,7 +328,7 @@ class Client:
     def _encode(self, name: str, argument: float) -> tuple[int, int]:
         """Code and the bits of the argument."""
         if name == HISTORY_DECIMATION:
-            if argument != int(argument) or not 1 <= argument < _WRAP:
+            if argument != int(argument) or not 1 <= argument < _ARGUMENT_END:
                 raise InputError(f"command {name}: {argument:g} is out of range")
             return _HISTORY_CODE, int(argument)
         data = bytes(load_contract().command(self.id, name, argument).data)
@@ -362,171 +352,6 @@ class Client:
         result = self.read("Client")["Result"]
         named = load_contract().names["Result"].get(cast(int, result), "")
         return REFUSALS.get(named) or _EXCEPTIONS.get(answer.exception_code, f"result {result}")
-
-
-class HistoryLog:
-    """Puts together what is read of a node's history, again and again.
-
-    ``samples`` have come, ``lost`` have not: the node's counter says so. A node that starts afresh,
-    or keeps its history at another distance, begins another part.
-    """
-
-    def __init__(self, identity: dict[str, Value]) -> None:
-        self.lost = 0
-        self.samples = 0
-        self._identity = identity
-        self._period = cast(float, identity["ControlPeriod"])
-        self._parts: list[_Part] = []
-        self._goes_on = False
-
-    @property
-    def next(self) -> int:
-        """What to read the history from: the control period of the sample after the last."""
-        return self._parts[-1].next if self._goes_on else 0
-
-    def take(self, at: float, history: dict[str, Value]) -> int:
-        """What was read of the history from ``next`` on, at the host's time ``at`` [s].
-
-        Returns how many samples that were.
-        """
-        numbers = cast(dict[str, int], history)
-        count, decimation = numbers["HistoryCount"], numbers["HistoryDecimation"]
-        if count < 1:
-            return 0
-        first = numbers["HistoryCounter"]
-        if not (self._goes_on and self._parts[-1].follows(first, decimation)):
-            self._parts.append(_Part(decimation, first))
-            self._goes_on = True
-        self.lost += self._parts[-1].take(at, history)
-        self.samples += count
-        return count
-
-    def watch(self, at: float, newest: dict[str, Value]) -> None:
-        """Has the node started afresh? Where nothing came, or after it was away.
-
-        ``newest`` was read of its history from 0 on, at ``at`` [s]. A node that has gone on has
-        counted as many control periods as there was time; one that has not is behind.
-        """
-        numbers = cast(dict[str, int], newest)
-        if not self._goes_on or numbers["HistoryCount"] < 1:
-            return
-        reach = (numbers["HistoryCount"] - 1) * numbers["HistoryDecimation"]
-        passed = (at - self._parts[-1].at) / self._period
-        behind = round(self._parts[-1].next + passed) - numbers["HistoryCounter"] - reach
-        behind = (behind + _WRAP // 2) % _WRAP - _WRAP // 2
-        slack = _LATE_MAX / self._period + _DRIFT_MAX * passed + numbers["HistoryDecimation"]
-        self._goes_on = behind <= slack
-
-    def record(self, source: str, meta: dict[str, Any]) -> Record:
-        """The record of the longest part. Raises NotEnoughDataError."""
-        if not self._parts:
-            raise NotEnoughDataError(f"{source}: no samples have come")
-        part = max(self._parts, key=lambda part: part.samples)
-        warnings = []
-        if len(self._parts) > 1:
-            warnings.append(
-                f"the history starts afresh {len(self._parts) - 1} times (node restarted or "
-                f"settings changed): the longest part is used, {part.samples} of {self.samples} "
-                f"samples"
-            )
-        return part.record(self._identity, source, warnings, meta)
-
-
-class _Part:
-    """Samples that were counted in one go, ``decimation`` control periods apart."""
-
-    def __init__(self, decimation: int, first: int) -> None:
-        self.decimation = decimation
-        self.samples = 0
-        self.next = first
-        self.at = 0.0  # when the last sample was read [s]
-        self._place = 0  # of the next sample
-        self._times: list[tuple[float, int]] = []
-        self._places: list[Indices] = []
-        self._columns: dict[str, list[Indices]] = {"Torque": [], "Motor": [], "Table": []}
-
-    def follows(self, first: int, decimation: int) -> bool:
-        """Can this be a sample of the same history, that comes after what was taken?"""
-        ahead = (first - self.next) % _WRAP
-        return decimation == self.decimation and ahead < _WRAP // 2 and ahead % decimation == 0
-
-    def take(self, at: float, history: dict[str, Value]) -> int:
-        """Takes samples that follow; returns how many before them are missing."""
-        numbers = cast(dict[str, int], history)
-        count, first = numbers["HistoryCount"], numbers["HistoryCounter"]
-        missing = (first - self.next) % _WRAP // self.decimation
-        place = self._place + missing
-        self.at = at
-        self._times.append((at, place + count - 1))
-        self._places.append(np.arange(place, place + count))
-        for name, register in (
-            ("Torque", "HistoryTorque"),
-            ("Motor", "HistoryMotorPosition"),
-            ("Table", "HistoryTablePosition"),
-        ):
-            values = cast(tuple[int, ...], history[register])
-            self._columns[name].append(np.array(values[:count], np.int64))
-        self._place = place + count
-        self.next = (first + count * self.decimation) % _WRAP
-        self.samples += count
-        return missing
-
-    def record(
-        self,
-        identity: dict[str, Value],
-        source: str,
-        warnings: list[str],
-        meta: dict[str, Any],
-    ) -> Record:
-        """As a record, in SI units."""
-        numbers = cast(dict[str, float], identity)
-        places = np.concatenate(self._places) if self._places else np.zeros(0, np.int64)
-        count = int(places[-1]) + 1 if len(places) else 0
-        if len(places) < max(2, count // 2):
-            raise NotEnoughDataError(
-                f"{source}: only {len(places)} of {count} samples have come; the line is too slow "
-                f"for this rate: give a lower one with --rate"
-            )
-        grid = np.arange(count)
-        missing = np.setdiff1d(grid, places)
-        if len(missing) > 0:
-            warnings.append(f"{len(missing)} of {count} samples are missing")
-        step = float(str(np.float32(numbers["ControlPeriod"]))) * self.decimation
-        clock = self._clock(step)
-        if clock is not None:
-            meta = {**meta, "drift_ppm": 1e6 * clock.drift, "drift_error_ppm": 1e6 * clock.error}
-            if clock.significant and abs(clock.drift) <= _DRIFT_MAX:
-                warnings.append(
-                    f"the node's clock is {1e6 * clock.drift:+.3g} ppm off the logger's: put right"
-                )
-                step = clock.period
-        unit = 1e-4 * 1e-3 * numbers["RatedTorque"]  # 0.1 per mille of so many mN m
-        motor, table = (int(numbers[f"{name}Resolution"]) for name in ("Motor", "Table"))
-
-        def fill(name: str) -> Array:
-            values = np.concatenate(self._columns[name])
-            if name != "Torque":
-                steps = np.diff(values).astype(np.int32).astype(np.int64)  # wraps at 32 bits
-                values = np.cumsum(np.concatenate([values[:1], steps]))
-            return np.asarray(np.interp(grid, places, values), np.float64)
-
-        turn = 2.0 * np.pi
-        return Record(
-            time=np.asarray(step * grid, np.float64),
-            torque=fill("Torque") * unit,
-            theta1=fill("Motor") * (turn / motor),
-            theta2=fill("Table") * (turn / table) if table else None,
-            time_step=step,
-            counts_per_turn=(motor, table or None),
-            missing=missing,
-            source=source,
-            warnings=tuple(warnings),
-            meta={"node": int(numbers["NodeId"]), "part": "history", **meta},
-        )
-
-    def _clock(self, step: float) -> Clock | None:
-        times = np.array(self._times, np.float64)
-        return fit_clock(times[:, 0], times[:, 1].astype(np.int64), step)
 
 
 def node_estimate(client: Client) -> dict[str, Any]:

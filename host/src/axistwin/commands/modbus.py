@@ -8,11 +8,20 @@ import time
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
-from axistwin import modbus
-from axistwin.errors import BusError, ContractError, InputError
+from axistwin import history, modbus
+from axistwin.errors import (
+    AxisTwinError,
+    BusError,
+    ContractError,
+    FileError,
+    InputError,
+    NotEnoughDataError,
+)
+from axistwin.journal import Journal
 from axistwin.output import write_json
-from axistwin.record import write_csv
+from axistwin.record import Record, write_csv
 from axistwin.registers import Register, Value, load_table
 from axistwin.terminal import Terminal
 
@@ -117,26 +126,36 @@ def _log(
     if arguments.duration is not None and not arguments.duration > 0.0:
         raise InputError(f"--duration has to be a positive time, not {arguments.duration}")
     path = Path(arguments.file or f"axistwin-{datetime.now():%Y%m%d-%H%M%S}.csv")
+    journal = history.journal_of(path)
+    if journal.exists():
+        raise InputError(
+            f"{journal} is there: a log that was not completed. Read it as it is, then move it away"
+        )
     found = client.read_history(0)["HistoryDecimation"]
     assert isinstance(found, int)
     decimation = _decimation(arguments.rate, identity) or found
-    client.keep_history(decimation)
-    logged = _Log(client, identity, decimation, terminal)
-    failure: BusError | None = None
+    logged = _Log(client, identity, decimation, Journal(journal), terminal)
+    failure: AxisTwinError | None = None
     try:
-        with client.excited() if arguments.excite else contextlib.nullcontext():
-            logged.poll(arguments)
-    except BusError as error:
+        with logged.journal:
+            client.keep_history(decimation)
+            with client.excited() if arguments.excite else contextlib.nullcontext():
+                logged.poll(arguments)
+    except (BusError, FileError) as error:
         failure = error
     except KeyboardInterrupt:
         terminal.note("stopped")
     terminal.clear()
     meta = {}
-    if failure is None:
-        meta = modbus.node_estimate(client)
-        client.keep_history(found)
-    record = logged.history.record(f"{arguments.channel} node {client.id}", meta)
-    write_csv(record, path)
+    if not isinstance(failure, BusError):
+        try:
+            meta = modbus.node_estimate(client)
+            client.keep_history(found)
+        except BusError as error:
+            failure = failure or error
+    if isinstance(failure, FileError):
+        raise failure
+    record = _complete(logged, path, f"{arguments.channel} node {client.id}", meta, failure)
     for warning in record.warnings:
         terminal.note(warning)
     terminal.note(logged.status())
@@ -161,6 +180,30 @@ def _log(
     return BusError.exit_code if logged.gaps else 0
 
 
+def _complete(
+    logged: _Log,
+    path: Path,
+    source: str,
+    meta: dict[str, Any],
+    failure: AxisTwinError | None,
+) -> Record:
+    """Makes the record of what was logged, and removes the journal.
+
+    Raises NotEnoughDataError, or why there is not enough; FileError.
+    """
+    try:
+        record = logged.history.record(source, meta)
+    except NotEnoughDataError as error:
+        logged.journal.path.unlink()
+        raise failure or error from None
+    try:
+        write_csv(record, path)
+    except FileError as error:
+        raise FileError(f"{error}; what was logged is in {logged.journal.path}") from error
+    logged.journal.path.unlink()
+    return record
+
+
 class _Log:
     """A history being logged."""
 
@@ -169,11 +212,13 @@ class _Log:
         client: modbus.Client,
         identity: dict[str, Value],
         decimation: int,
+        journal: Journal,
         terminal: Terminal,
     ) -> None:
         period = identity["ControlPeriod"]
         assert isinstance(period, float)
-        self.history = modbus.HistoryLog(identity)
+        self.history = history.HistoryLog(identity, journal.write)
+        self.journal = journal
         self.reads = 0
         self.gaps: list[str] = []
         self._client = client
@@ -207,6 +252,7 @@ class _Log:
                     self.history.watch(now, self._client.read_history(0))
             except BusError as error:
                 self._resume(error, arguments.wait)
+            self.journal.check()
             if self._terminal.due():
                 self._terminal.live(self.status())
             if taken < self._length:  # else there is more already

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from axistwin import history
 from axistwin.contract import load_contract
 from axistwin.errors import InputError
 from axistwin.frames import Settings
@@ -27,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser, option: str | None = None) ->
         **named,
         metavar="RECORD",
         help="CSV (t,torque,theta1[,theta2][,omega1][,omega2] in SI units), MAT, or a bus log "
-        "(candump .log, .asc, .blf, .mf4, .trc, ...)",
+        "(candump .log, .asc, .blf, .mf4, .trc, ...); what `modbus log` left (.jsonl)",
     )
     group = parser.add_argument_group("how to read the record")
     group.add_argument(
@@ -113,7 +114,9 @@ def read_record(
         return csvfile.read(file, columns or ColumnOptions())
     if ending in buslog.endings():
         return buslog.read(file, load_contract(dbc), settings or Settings(), part)
-    known = " ".join(sorted({*csvfile.ENDINGS, ".mat", *buslog.endings()}))
+    if ending == history.ENDING:
+        return history.read(file)
+    known = " ".join(sorted({*csvfile.ENDINGS, ".mat", history.ENDING, *buslog.endings()}))
     raise InputError(f"cannot read {file}: its ending is none of {known}")
 
 
