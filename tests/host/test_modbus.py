@@ -13,7 +13,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -301,8 +301,26 @@ def test_a_log_says_which_samples_the_line_was_too_slow_for(
     assert f"{len(record.missing)} of {len(record)} samples are missing" in messages
 
 
-def slow_gateway(listener: socket.socket, port: int) -> None:
-    """Passes requests on; one answer comes 1.5 s late: the node keeps 4096 samples."""
+def test_a_log_of_too_few_samples_is_left_as_it_is(
+    emulator: Server, cli: Cli, tmp_path: Path
+) -> None:
+    file = tmp_path / "few.csv"
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        arguments = (listener, emulator.port, range(20, 10**6, 20))
+        threading.Thread(target=slow_gateway, args=arguments, daemon=True).start()
+        channel = f"tcp:127.0.0.1:{listener.getsockname()[1]}"
+        where = ("-c", channel, "--timeout", "20")
+        status, _, messages = cli(
+            "log", *where, "--rate", "20000", "--duration", "3", "-f", str(file)
+        )
+    assert status == 4, messages
+    assert "the line is too slow for this rate: give a lower one with --rate" in messages
+    assert f"what was logged is in {file}.jsonl" in messages
+    assert list(tmp_path.iterdir()) == [tmp_path / "few.csv.jsonl"]
+
+
+def slow_gateway(listener: socket.socket, port: int, late: Container[int] = (60,)) -> None:
+    """Passes requests on; these answers come 1.5 s late: the node keeps 4096 samples."""
     client, _ = listener.accept()
     with client, Raw(port) as onward:
         for count in range(10**6):
@@ -311,7 +329,7 @@ def slow_gateway(listener: socket.socket, port: int) -> None:
                 return
             onward.send(lump)
             answer = onward.receive()
-            if count == 60:
+            if count in late:
                 time.sleep(1.5)
             with contextlib.suppress(OSError):
                 client.sendall(lump[:4] + struct.pack(">H", len(answer)) + answer)

@@ -187,15 +187,18 @@ def _complete(
     meta: dict[str, Any],
     failure: AxisTwinError | None,
 ) -> Record:
-    """Makes the record of what was logged, and removes the journal.
+    """Makes the record of what was logged, and removes the journal then, or when it is empty.
 
     Raises NotEnoughDataError, or why there is not enough; FileError.
     """
     try:
         record = logged.history.record(source, meta)
     except NotEnoughDataError as error:
-        logged.journal.path.unlink()
-        raise failure or error from None
+        if logged.history.samples == 0:
+            logged.journal.path.unlink()
+            raise failure or error from None
+        kept = f"{failure or error}; what was logged is in {logged.journal.path}"
+        raise type(failure or error)(kept) from None
     try:
         write_csv(record, path)
     except FileError as error:
