@@ -334,6 +334,8 @@ def _quality(result: Identification) -> list[str]:
         )
     if max(channel.relative_error for channel in result.comparisons) < ROUNDING:
         lines.append("The residual is no more than rounding: nothing is left to explain.")
+    elif all(_is_reading_error(channel) for channel in result.comparisons):
+        lines.append("The residual is no more than the encoders' rounding: nothing is left to explain.")
     elif result.whiteness.white:
         lines.append("The residual is white: nothing is left to explain.")
     else:
@@ -350,6 +352,13 @@ def _quality(result: Identification) -> list[str]:
     if not result.valid:
         lines.append(f"Not determined by this record: {', '.join(result.undetermined)}")
     return lines
+
+
+def _is_reading_error(channel: Comparison) -> bool:
+    """Whether a residual is as small as the rounding of encoders: 1 / sqrt(12) counts each."""
+    encoders = 2 if channel.name == "twist" else 1
+    rounding = math.sqrt(encoders / 12.0)
+    return channel.resolution is not None and channel.rms <= 1.1 * rounding * channel.resolution
 
 
 def _percent(value: float, true: float) -> str:
