@@ -335,7 +335,9 @@ def _quality(result: Identification) -> list[str]:
     if max(channel.relative_error for channel in result.comparisons) < ROUNDING:
         lines.append("The residual is no more than rounding: nothing is left to explain.")
     elif all(_is_reading_error(channel) for channel in result.comparisons):
-        lines.append("The residual is no more than the encoders' rounding: nothing is left to explain.")
+        lines.append(
+            "The residual is no more than the encoders' rounding: nothing is left to explain."
+        )
     elif result.whiteness.white:
         lines.append("The residual is white: nothing is left to explain.")
     else:
