@@ -123,6 +123,22 @@ CASE(counts_are_angles) {
     CHECK_NEAR(axt_encoder_angle(1048576, 0), 0, 0);
 }
 
+/* 64 turns of twist are 2^30 of the finest counts. */
+CASE(a_twist_of_less_than_64_turns_is_in_range) {
+    const axt_real limit = 64 * (axt_real)(2 * PI);
+    int32_t count = 4711;
+    for (int sign = -1; sign <= 1; sign += 2) {
+        const axt_motion at = {.twist = limit * (axt_real)sign};
+        CHECK_EQUAL(axt_encoder_read(AXT_ENCODER_COUNTS_MAX, &at, AXT_ENCODER_TABLE, &count),
+                    AXT_ERROR_RANGE);
+        CHECK_EQUAL(count, 4711);
+    }
+    const axt_motion below = {.twist = limit * (1 - 2 * (axt_real)REAL_EPSILON)};
+    CHECK_EQUAL(axt_encoder_read(AXT_ENCODER_COUNTS_MAX, &below, AXT_ENCODER_TABLE, &count),
+                AXT_OK);
+    CHECK_NEAR(count, -0x1p30, 0x1p30 * 4 * REAL_EPSILON + 1);
+}
+
 CASE(bad_resolutions_and_motions_are_refused_and_no_count_is_written) {
     const axt_motion fine = {.fraction = (axt_real)0.1};
     int32_t count = 4711;
@@ -155,6 +171,7 @@ int main(void) {
     RUN(a_turn_is_as_many_counts_as_it_should_be_across_every_wrap);
     RUN(differences_are_right_across_the_wrap);
     RUN(counts_are_angles);
+    RUN(a_twist_of_less_than_64_turns_is_in_range);
     RUN(bad_resolutions_and_motions_are_refused_and_no_count_is_written);
     return REPORT();
 }

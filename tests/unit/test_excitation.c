@@ -267,11 +267,14 @@ CASE(a_player_needs_a_table) {
 /* ---- The other signals ---------------------------------------------------------------------- */
 
 CASE(a_harmonic_is_one_cosine) {
-    static const uint32_t harmonics[] = {1, 10, 255};
-    for (size_t i = 0; i < COUNT_OF(harmonics); i++) {
-        CHECK_EQUAL(axt_harmonic_fill(table, 512, harmonics[i]), AXT_OK);
-        for (uint32_t n = 0; n < 512; n++) {
-            CHECK_NEAR((wide)table[n] - cosl(2 * PI * (harmonics[i] * n % 512) / 512), 0,
+    static const uint32_t harmonics[] = {1, 10, 241};
+    static const uint32_t lengths[] = {512, 500, 483};
+    for (size_t i = 0; i < COUNT_OF(harmonics) * COUNT_OF(lengths); i++) {
+        const uint32_t harmonic = harmonics[i % COUNT_OF(harmonics)];
+        const uint32_t length = lengths[i / COUNT_OF(harmonics)];
+        CHECK_EQUAL(axt_harmonic_fill(table, length, harmonic), AXT_OK);
+        for (uint32_t n = 0; n < length; n++) {
+            CHECK_NEAR((wide)table[n] - cosl(2 * PI * (harmonic * n % length) / length), 0,
                        8 * REAL_EPSILON);
         }
     }

@@ -510,6 +510,15 @@ CASE(a_motion_that_makes_no_sense_is_refused_and_nothing_moves) {
         CHECK_EQUAL(axt_integrator_set(&integrator, &out_of_range[i], 0), AXT_ERROR_RANGE);
         CHECK(UNCHANGED(integrator, before));
     }
+    const axt_motion at_the_limit[] = {{.twist = 1000},
+                                       {.twist = -1000},
+                                       {.twist_speed = (axt_real)1e9},
+                                       {.fraction = 1},
+                                       {.fraction = -1}};
+    for (size_t i = 0; i < COUNT_OF(at_the_limit); i++) {
+        axt_integrator moved = before;
+        CHECK_EQUAL(axt_integrator_set(&moved, &at_the_limit[i], 0), AXT_OK);
+    }
     for (size_t i = 0; i < COUNT_OF(not_finite); i++) {
         const axt_motion bad[] = {{.twist = not_finite[i]},
                                   {.twist_speed = not_finite[i]},

@@ -543,6 +543,16 @@ CASE(the_limits_themselves_are_in_range) {
     }
 }
 
+/* wn Dt = 2 is where (delta / 2 - alpha) (wn Dt)^2 is exactly 1 for alpha = 1/4, delta = 1. */
+CASE(the_limit_of_stability_itself_is_not_stable) {
+    axt_axis axis = {.I1 = 2, .I2 = 2, .B = 0, .K = 4};
+    const axt_newmark newmark = {(axt_real)0.25, 1};
+    axt_plant plant;
+    CHECK_EQUAL(axt_plant_init(&plant, &axis, 1, &newmark), AXT_ERROR_RANGE);
+    axis.K -= 8 * (axt_real)REAL_EPSILON;
+    CHECK_EQUAL(axt_plant_init(&plant, &axis, 1, &newmark), AXT_OK);
+}
+
 CASE(settings_that_make_no_sense_are_refused_and_the_plant_stays) {
     axt_plant plant;
     CHECK_EQUAL(axt_plant_init(&plant, &axt_axis_paper, step_20khz, &axt_newmark_trapezoidal),
@@ -679,6 +689,7 @@ int main(void) {
     RUN(a_rejected_torque_changes_nothing_but_the_counter);
     RUN(a_motion_that_makes_no_sense_is_refused_and_the_plant_stays);
     RUN(the_limits_themselves_are_in_range);
+    RUN(the_limit_of_stability_itself_is_not_stable);
     RUN(settings_that_make_no_sense_are_refused_and_the_plant_stays);
     RUN(the_speed_saturates_at_half_a_turn_a_step_and_comes_back);
     RUN(nothing_but_finite_numbers_come_out_of_any_plant);
