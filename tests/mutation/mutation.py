@@ -96,6 +96,7 @@ class Equivalent:
 
 
 ROUNDED_ZERO = "differs for 0 alone, and -0.5 and 0.5 are both truncated to 0"
+LARGER = "the larger of two: where they are equal it is the same"
 
 EQUIVALENT = [
     Equivalent(
@@ -132,7 +133,14 @@ EQUIVALENT = [
         "normal->deviation = AXT_R(1) / ((deviation > least) ? deviation : least);",
         ">",
         ">=",
-        "the larger of two: where they are equal it is the same",
+        LARGER,
+    ),
+    Equivalent(
+        "lib/axt_monitor.c",
+        "*chart = (next > AXT_R(0)) ? next : AXT_R(0);",
+        ">",
+        ">=",
+        LARGER,
     ),
 ]
 
