@@ -62,6 +62,7 @@ class _Stream:
     """The stream of one node."""
 
     node: bus.Node
+    info: bus.NodeInfo  # as it was found; the node itself forgets it with the connection
     monitor: StreamMonitor
     gaps: list[Gap] = field(default_factory=list)
     samples_before: int = 0
@@ -77,6 +78,12 @@ class _Stream:
         rate = (self.monitor.samples - self.samples_before) / max(seconds, 1e-3)
         self.samples_before = self.monitor.samples
         return f"{rate:7.1f} samples/s  {self.monitor.samples} samples  {self.monitor.lost} lost"
+
+
+def _stream_of(node: bus.Node) -> _Stream:
+    """The stream of a node that is connected."""
+    assert node.info is not None
+    return _Stream(node, node.info, StreamMonitor(node.contract, node.id))
 
 
 @dataclass
@@ -138,7 +145,7 @@ def run(arguments: argparse.Namespace) -> int:
         for node in nodes:
             terminal.note(f"node {node.id}: {node.connect(arguments.wait, terminal.note)}")
         log = _Log(
-            [_Stream(node, StreamMonitor(node.contract, node.id)) for node in nodes],
+            [_stream_of(node) for node in nodes],
             shared,
             logfile.LogFile(path, terminal),
             BusLoad(
@@ -288,6 +295,8 @@ def _records(log: _Log, path: Path) -> Iterator[tuple[_Stream, dict[str, Any]]]:
     contract = log.streams[0].node.contract
     source = path if path.exists() else logfile.journal_of(path)
     try:
+        if not source.is_file():  # a device may have no end
+            raise InputError(f"{source} is no file that could be read back")
         found, damage = buslog.read_frames(source)
     except (InputError, OSError) as error:
         for stream in log.streams:
@@ -309,10 +318,9 @@ def _records(log: _Log, path: Path) -> Iterator[tuple[_Stream, dict[str, Any]]]:
 
 def _summary(stream: _Stream, duration: float, found: dict[str, Any]) -> dict[str, Any]:
     """The summary of one node."""
-    assert stream.node.info is not None
     return {
         "id": stream.node.id,
-        **asdict(stream.node.info),
+        **asdict(stream.info),
         "samples": stream.monitor.samples,
         "lost": stream.monitor.lost,
         "rate_hz": stream.monitor.samples / max(duration, 1e-3),
