@@ -6,6 +6,7 @@ import fcntl
 import os
 import pty
 import re
+import select
 import signal
 import struct
 import subprocess
@@ -72,6 +73,13 @@ def candump(count: int, *, interface: str = VCAN, cause: Callable[[], object]) -
         return process.communicate(timeout=PATIENCE)[0]
 
 
+def read_screen(screen: int) -> bytes:
+    """What a terminal shows next; a program that shows nothing has failed."""
+    ready, _, _ = select.select([screen], [], [], PATIENCE)
+    assert ready
+    return os.read(screen, 65536)
+
+
 def on_screen(command: tuple[str, ...], *words: str) -> None:
     """Runs a program on a terminal until it has shown all the words, and quits it by `q`."""
     screen, terminal = pty.openpty()
@@ -86,10 +94,10 @@ def on_screen(command: tuple[str, ...], *words: str) -> None:
         end = time.monotonic() + PATIENCE
         while not all(word.encode() in shown for word in words):
             assert time.monotonic() < end, shown
-            shown += os.read(screen, 65536)
+            shown += read_screen(screen)
         os.write(screen, b"q")
         while process.poll() is None:
-            os.read(screen, 65536)
+            read_screen(screen)
     except OSError:  # the terminal is gone, and so is the program
         process.wait(PATIENCE)
     finally:
