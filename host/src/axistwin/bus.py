@@ -38,6 +38,7 @@ from axistwin.errors import (
 )
 from axistwin.frames import IDENTITY, short
 from axistwin.sharedbus import SharedBus
+from axistwin.waiting import Tell, until_answered
 
 #: A node that has sent no heartbeat for this long is gone, unless told otherwise: it sends one
 #: every 100 ms.
@@ -104,7 +105,6 @@ _FAULTS = {
 }
 
 Sink = Callable[[can.Message], object]
-Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -273,29 +273,19 @@ class Node:
         Raises BusError when the bus cannot be opened, NoAnswerError when the node does not answer,
         ContractError when it speaks another version of the contract.
         """
-        deadline = time.monotonic() + wait
         self._beating = False  # whoever answers is not under this host's control
         self._status = None
         self.close()
         self.info = None
-        told = False
-        while True:
-            try:
-                if self._bus is None:
-                    self._bus = self._open_bus()
-                self.info = self._identify(deadline, tell)
-                self._gone = None  # what was heard before does not count
-                return self.info
-            except ContractError:
-                raise
-            except BusError as error:
-                self.close()
-                if time.monotonic() >= deadline:
-                    raise
-                if not told:
-                    tell(f"{error}; waiting up to {wait:g} s for it")
-                    told = True
-                time.sleep(min(0.1, max(0.0, deadline - time.monotonic())))
+
+        def attempt(deadline: float) -> NodeInfo:
+            if self._bus is None:
+                self._bus = self._open_bus()
+            self.info = self._identify(deadline, tell)
+            self._gone = None  # what was heard before does not count
+            return self.info
+
+        return until_answered(attempt, self.close, wait, tell)
 
     def poll(self, timeout: float) -> None:
         """Deals with everything that has been received, waiting up to ``timeout`` [s] for it.

@@ -30,6 +30,7 @@ from axistwin.errors import (
     NoAnswerError,
 )
 from axistwin.registers import Value, load_table
+from axistwin.waiting import Tell, until_answered
 
 #: Port of Modbus over TCP where none is given.
 PORT = 502
@@ -56,8 +57,6 @@ _EXCEPTIONS = {
     11: "there is no node of this id here",
 }
 _ARGUMENT_END = 1 << 32
-
-Tell = Callable[[str], None]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -161,21 +160,7 @@ class Client:
         Raises BusError when there is no way to it, NoAnswerError when it does not answer,
         ContractError when it is no AxisTwin node or has another version of the table.
         """
-        deadline = time.monotonic() + wait
-        told = False
-        while True:
-            try:
-                return self._identify()
-            except ContractError:
-                raise
-            except BusError as error:
-                self.close()
-                if time.monotonic() >= deadline:
-                    raise
-                if not told:
-                    tell(f"{error}; waiting up to {wait:g} s for it")
-                    told = True
-                time.sleep(min(0.1, max(0.0, deadline - time.monotonic())))
+        return until_answered(lambda _: self._identify(), self.close, wait, tell)
 
     def read(self, block: str) -> dict[str, Value]:
         """All registers of a block, of one moment. Raises BusError as the errors say."""
