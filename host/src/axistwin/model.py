@@ -25,6 +25,7 @@ record: ``sample_loss`` at ``record`` with ``fraction``, the share of samples th
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, field, fields, replace
@@ -37,7 +38,7 @@ import numpy.typing as npt
 from axistwin import core
 from axistwin.core import Array, Axis, Effect, State
 from axistwin.errors import InputError
-from axistwin.identify.samples import Hold
+from axistwin.identify.samples import HOLDS, Hold
 from axistwin.output import atomic_write
 
 if sys.version_info >= (3, 11):
@@ -264,6 +265,17 @@ def _later(effect: Effect, time: float, grown: Mapping[tuple[str, str], float]) 
 
 
 # ---- As a file
+
+
+def add_hold_argument(parser: argparse.ArgumentParser) -> None:
+    """Adds --hold: what a simulation takes the torque to do between samples."""
+    parser.add_argument(
+        "--hold",
+        choices=HOLDS,
+        default="zoh",
+        help="the torque between samples: held from each to the next as a drive does it (zoh), "
+        "linear (foh), or by the trapezoidal rule of the emulated axis (newmark) (default: zoh)",
+    )
 
 
 def read(path: str | Path) -> Model:

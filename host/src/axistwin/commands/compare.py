@@ -6,7 +6,6 @@ import argparse
 
 from axistwin import compare, model, readers
 from axistwin.errors import InputError
-from axistwin.identify.samples import HOLDS
 from axistwin.output import write_json
 from axistwin.terminal import Terminal
 
@@ -22,13 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="simulate this long from each state that is taken from the record (default: 0.5)",
     )
-    parser.add_argument(
-        "--hold",
-        choices=HOLDS,
-        default="zoh",
-        help="the torque between samples: held from each to the next as a drive does it (zoh), "
-        "linear (foh), or by the trapezoidal rule of the emulated axis (newmark) (default: zoh)",
-    )
+    model.add_hold_argument(parser)
     parser.add_argument("--json", metavar="FILE", help="write the result here (-: standard output)")
 
 

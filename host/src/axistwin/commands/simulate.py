@@ -9,7 +9,6 @@ import numpy as np
 from axistwin import model, readers
 from axistwin.core import Array
 from axistwin.errors import InputError
-from axistwin.identify.samples import HOLDS
 from axistwin.record import Record, from_samples, write_csv
 from axistwin.terminal import Terminal
 
@@ -21,13 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-f", "--file", required=True, metavar="CSV", help="write the simulated record here"
     )
-    parser.add_argument(
-        "--hold",
-        choices=HOLDS,
-        default="zoh",
-        help="the torque between samples: held from each to the next as a drive does it (zoh), "
-        "linear (foh), or by the trapezoidal rule of the emulated axis (newmark) (default: zoh)",
-    )
+    model.add_hold_argument(parser)
     parser.add_argument(
         "--seed", type=int, default=1, metavar="N", help="which samples get lost, if any do"
     )
