@@ -3,8 +3,8 @@
 #include "axt_math.h"
 
 /* A sample is refused when the squares of its elements add up to more, and the factors start again
- * when 1 + phi' P phi does: far beyond anything scaled to 1. In float at 1e24 an adversary drives
- * theta to infinity within some hundred samples; at 1e18 it stays below 1e21. */
+ * when 1 + phi' P phi does: far beyond anything scaled to 1. In float samples of up to 1e24 can be
+ * chosen so that theta becomes infinite; of up to 1e18 fuzzing has found none. */
 #define SIZE_LIMIT (AXT_IS_DOUBLE ? AXT_R(1e24) : AXT_R(1e18))
 
 /* A direction is forgotten at the full rate when a sample renews it by a sixteenth of that, or
