@@ -43,7 +43,7 @@ def test_a_minute_of_live_stream_without_a_lost_sample(
     record = read_record(log)
     assert len(record) == found["samples"]
     assert len(record.missing) == 0
-    assert record.time_step == pytest.approx(1.0 / RATE, rel=1e-3)
+    assert record.time_step == pytest.approx(1.0 / RATE, rel=1e-4)
     assert record.counts_per_turn == (1 << 20, 1 << 20)
     assert " 0 lost" in emulator.stop()
 
