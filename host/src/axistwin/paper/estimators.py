@@ -52,6 +52,7 @@ SHOWN = SETTING.N
 
 #: An estimate is taken every so many samples; those before the first periods are over do not count.
 EVERY = 64
+_ERROR_TICKS = (0.5, 1.0, 2.0, 5.0)  # of the figure [%]
 _START_PERIODS = 4
 
 Estimator: TypeAlias = Callable[..., Array]
@@ -188,6 +189,7 @@ def _figure(report: Report, drifting: Record, paused: Record, tracking: dict[str
     axes[2].set_xlabel("memory 1 / (1 - lambda) [samples]")
     axes[2].set_ylabel("rms error of K [%]")
     axes[2].set_xticks(MEMORIES, [str(memory) for memory in MEMORIES])
+    axes[2].set_yticks(_ERROR_TICKS, [f"{error:g}" for error in _ERROR_TICKS])
     axes[2].minorticks_off()
     figure.legend(handles=axes[0].lines, loc="outside lower center", ncols=3)
     report.figure("estimators", figure, data)

@@ -175,7 +175,7 @@ def _condition(information: Array) -> float:
     """Condition number for regressors of equal rms, at most what can be told from rounding."""
     size = np.sqrt(np.diag(information))
     least, *_, most = np.linalg.eigvalsh(information / np.outer(size, size)).tolist()
-    return float(most / max(least, most / _SINGULAR))
+    return float(most / least) if least * _SINGULAR > most else _SINGULAR
 
 
 def _measured(
