@@ -357,8 +357,13 @@ def _number(value: Any, what: str) -> float:
     return float(value)
 
 
-def _lines(model: Model) -> Sequence[str]:
+def parameter_unit(effect: str, location: str, parameter: str, linear: bool) -> str:
+    """Unit of a parameter of an effect, for a rotary or a linear axis; 1 for a number without."""
     units = {(e.effect, e.location, e.parameter): e.unit for e in core.effect_parameters()}
+    return _unit(units.get((effect, location, parameter), "1"), linear)
+
+
+def _lines(model: Model) -> Sequence[str]:
     lines = [f'schema = "{SCHEMA}"', f"linear = {str(model.linear).lower()}", "", "[axis]"]
     for name in _AXIS:
         unit = _unit(_AXIS_UNITS[name], model.linear)
@@ -367,7 +372,7 @@ def _lines(model: Model) -> Sequence[str]:
         lines += ["", "[[effects]]", f'effect = "{effect.effect}"']
         lines += [f'location = "{effect.location}"', "[effects.params]"]
         for name, value in effect.params.items():
-            unit = _unit(units.get((effect.effect, effect.location, name), "1"), model.linear)
+            unit = parameter_unit(effect.effect, effect.location, name, model.linear)
             note = "" if unit == "1" else f" # {unit}"
             lines.append(f"{name} = {float(value)!r}{note}")
     if model.meta:
