@@ -1,0 +1,561 @@
+"""The catalogue as the diagnosis sees it: what each effect adds along a motion that is known.
+
+A kind of effect has ``sizes``, in proportion to which it acts, and a ``shape``, which decides how
+(a speed, a frequency, a gap). Along a measured motion its pushes are known for each shape; the
+sizes then follow by least squares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.interpolate
+
+from axistwin import core
+from axistwin.core import Array
+from axistwin.diagnose.linear import Plant, TwoInertias
+
+Shape = tuple[float, ...]
+
+#: Moments at which the load may have changed that are tried first.
+_MOMENTS = 64
+
+#: Places of a torque, and channels.
+MOTOR, TABLE = 0, 1
+_PLACES = ("motor", "table")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How the axis moves in the windows (w, l), as far as is known.
+
+    ``angle``, ``speed``, ``acceleration`` (c, w, l) [rad], the angles as the record counts them;
+    ``torque`` (n,) of the whole record; ``twist`` is without the zero of the encoders. At each place
+    (c, w, l) [N m]: ``friction`` is the torque of the friction that has been found so far, ``grip``
+    up to what it holds the axis at rest, and ``load`` what acts on it beside friction. A speed below
+    ``creep`` (c,) may be none.
+    """
+
+    time: Array
+    time_step: float
+    torque: Array
+    index: Array
+    angle: Array
+    speed: Array
+    acceleration: Array
+    twist: Array
+    twist_speed: Array
+    friction: Array
+    grip: Array
+    load: Array
+    creep: Array
+
+    def command(self, steps: int = 0) -> Array:
+        """The torque (w, l) as it was so many samples earlier."""
+        earlier: Array = self.torque[np.maximum(self.index - steps, 0)]
+        return earlier
+
+
+@dataclass(frozen=True)
+class Push:
+    """What acts (w, l) where: torques [N m] at motor and table, straight from sample to sample, and
+    errors of the encoders [rad]. What is added to the ``command`` (2, w, l) goes straight from the
+    first value to the second until the next sample, and jumps there."""
+
+    motor: Array | None = None
+    table: Array | None = None
+    command: Array | None = None
+    encoder1: Array | None = None
+    encoder2: Array | None = None
+
+
+def _at(place: int, torque: Array) -> Push:
+    return Push(motor=torque) if place == MOTOR else Push(table=torque)
+
+
+def _reads(channel: int, error: Array) -> Push:
+    return Push(encoder1=error) if channel == MOTOR else Push(encoder2=error)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """An effect at a place. ``place`` is that of its torque, or the channel of its encoder."""
+
+    place: int = MOTOR
+
+    effect = ""
+    #: Sizes that act in proportion; with none, the shape alone says what is added.
+    sizes = 1
+    #: Whether the numbers of the shape can be adjusted continuously, and the relative step of the
+    #: differences that do.
+    adjustable = True
+    difference = 1e-4
+    #: Whether the shape is a moment, which may be in a window that is held out.
+    moment = False
+
+    @property
+    def location(self) -> str:
+        return _PLACES[self.place]
+
+    @property
+    def name(self) -> str:
+        return f"{self.effect}:{self.location}"
+
+    def shapes(self, motion: Motion) -> Sequence[Shape]:
+        """Shapes to begin with, close enough for one of them to be adjusted to the best."""
+        return [()]
+
+    def around(self, motion: Motion, shape: Shape, level: int) -> Sequence[Shape]:
+        """Shapes next to a good one, closer for each ``level``, where it cannot be adjusted from
+        afar."""
+        return []
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        """What is added for each size of 1, or in all if there are no sizes."""
+        raise NotImplementedError
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        """The parameters as the catalogue names them."""
+        raise NotImplementedError
+
+    def plausible(self, sizes: Array, shape: Shape) -> bool:
+        """Whether there can be such an effect."""
+        return True
+
+    def possible(self, motion: Motion, shape: Shape) -> bool:
+        """Whether such a motion can show an effect of this shape."""
+        return True
+
+
+# ---- Friction and other torques at one place
+
+
+class Coulomb(Kind):
+    """Dry friction against the motion; near standstill in proportion to speed, as sticking looks."""
+
+    effect = "friction_coulomb"
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        return [_at(self.place, -_direction(motion, self.place))]
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        return {"torque": float(sizes[0])}
+
+    def plausible(self, sizes: Array, shape: Shape) -> bool:
+        return bool(sizes[0] > 0.0)
+
+
+class Viscous(Kind):
+    effect = "friction_viscous"
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        return [_at(self.place, -motion.speed[self.place])]
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        return {"coefficient": float(sizes[0])}
+
+    def plausible(self, sizes: Array, shape: Shape) -> bool:
+        return bool(sizes[0] > 0.0)
+
+
+class Stribeck(Kind):
+    effect = "friction_stribeck"
+
+    def shapes(self, motion: Motion) -> Sequence[Shape]:
+        typical = float(np.sqrt(np.mean(motion.speed[self.place] ** 2)))
+        return [(share * typical,) for share in (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)]
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        falling = np.exp(-((motion.speed[self.place] / shape[0]) ** 2))
+        return [_at(self.place, -_direction(motion, self.place) * falling)]
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        return {"torque": float(sizes[0]), "speed": abs(shape[0])}
+
+    def plausible(self, sizes: Array, shape: Shape) -> bool:
+        return bool(sizes[0] > 0.0 and shape[0] > 0.0)
+
+    def possible(self, motion: Motion, shape: Shape) -> bool:
+        """Beyond the speeds that occur it could not be told from dry friction."""
+        fast = float(np.quantile(np.abs(motion.speed[self.place]), 0.8))
+        return 0.0 < shape[0] < fast
+
+
+#: Friction, which can drift, and what of it holds an axis at rest.
+FRICTION = (Coulomb, Viscous, Stribeck)
+DRY = (Coulomb, Stribeck)
+
+
+class FrictionDrift(Kind):
+    """The friction that has been found, growing with time."""
+
+    effect = "friction_drift"
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        return [_at(self.place, motion.time * motion.friction[self.place])]
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        return {"rate": float(sizes[0])}
+
+
+class Offset(Kind):
+    effect = "torque_offset"
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        return [_at(self.place, np.ones_like(motion.time))]
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        return {"torque": float(sizes[0])}
+
+
+def _direction(motion: Motion, place: int) -> Array:
+    """The sign of the speed (w, l), as dry friction has it.
+
+    Where the speed changes its sign between two samples, these share the torque so that its area
+    and its moment are right. Where the axis sticks, friction is what it takes to hold the load.
+    """
+    speed = motion.speed[place]
+    sign = np.sign(speed)
+    before, after = sign[:, :-1], sign[:, 1:]
+    turned = before * after < 0.0
+    change = speed[:, :-1] - speed[:, 1:]
+    when = np.where(turned, speed[:, :-1] / np.where(turned, change, 1.0), 1.0)
+    direction = sign.copy()
+    direction[:, 1:-1] = 0.0
+    earlier = before * np.where(turned, 2.0 * when - when**2 - 0.5, 0.5)
+    later = np.where(turned, before * (when**2 - 0.5), 0.5 * after)
+    direction[:, 1:-1] += earlier[:, 1:] + later[:, :-1]
+    stuck = (np.abs(speed) < motion.creep[place]) & (motion.grip[place] > 0.0)
+    grip = np.where(stuck, motion.grip[place], 1.0)
+    return np.where(stuck, np.clip(motion.load[place] / grip, -1.0, 1.0), direction)
+
+
+# ---- What is periodic: two sizes, of sine and cosine
+
+
+class Wave(Kind):
+    sizes = 2
+    periods = "periods"
+
+    def argument(self, motion: Motion) -> Array:
+        """What it is periodic in [rad], (w, l)."""
+        return motion.angle[self.place]
+
+    def push(self, values: Array) -> Push:
+        return _at(self.place, values)
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        argument = shape[0] * self.argument(motion)
+        return [self.push(np.sin(argument)), self.push(np.cos(argument))]
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        found = {
+            "amplitude": float(np.hypot(*sizes)),
+            "phase": float(np.arctan2(sizes[1], sizes[0])),
+        }
+        return found if self.periods == "" else {**found, self.periods: shape[0]}
+
+
+class Ripple(Wave):
+    effect = "torque_ripple"
+    adjustable = False
+
+
+class Disturbance(Wave):
+    effect = "disturbance"
+    periods = "frequency"
+
+    def argument(self, motion: Motion) -> Array:
+        return motion.time
+
+
+class LeadError(Wave):
+    effect = "lead_error"
+    adjustable = False
+
+    def push(self, values: Array) -> Push:
+        return Push(encoder2=values)
+
+
+class Eccentricity(Wave):
+    effect = "encoder_eccentricity"
+    periods = ""
+    adjustable = False
+
+    @property
+    def location(self) -> str:
+        return f"encoder{self.place + 1}"
+
+    def shapes(self, motion: Motion) -> Sequence[Shape]:
+        return [(1.0,)]
+
+    def push(self, values: Array) -> Push:
+        return _reads(self.place, values)
+
+
+# ---- The shaft
+
+
+class Shaft(Kind):
+    @property
+    def location(self) -> str:
+        return "shaft"
+
+
+class Hardening(Shaft):
+    effect = "stiffness_hardening"
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        return [_between(motion.twist**3)]
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        return {"coefficient": float(sizes[0])}
+
+
+class StiffnessDrift(Shaft):
+    effect = "stiffness_drift"
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        return [_between(_axis(plant).K * motion.time * motion.twist)]
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        return {"rate": float(sizes[0])}
+
+
+class Backlash(Shaft):
+    """The shaft lets go within the gap: what the linear shaft would carry there is taken back."""
+
+    effect = "backlash"
+    sizes = 0
+
+    def shapes(self, motion: Motion) -> Sequence[Shape]:
+        reach = 2.0 * float(np.quantile(np.abs(motion.twist), 0.95))
+        return [(share * reach,) for share in (0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7)]
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        axis, half = _axis(plant), 0.5 * shape[0]
+        taken = axis.K * np.clip(motion.twist, -half, half)
+        loose = np.abs(motion.twist) < half
+        return [_between(-taken - axis.B * loose * motion.twist_speed)]
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        return {"gap": float(shape[0])}
+
+    def possible(self, motion: Motion, shape: Shape) -> bool:
+        """A gap that the twist never fills would hide the shaft."""
+        return 0.0 < shape[0] < 2.0 * float(np.max(np.abs(motion.twist)))
+
+
+def _between(torque: Array) -> Push:
+    """A torque that the shaft carries beyond that of the linear one."""
+    return Push(motor=-torque, table=torque)
+
+
+def _axis(plant: Plant) -> core.Axis:
+    if not isinstance(plant, TwoInertias):
+        raise TypeError("a rigid axis has no shaft")
+    return plant.axis
+
+
+# ---- The table
+
+
+class LoadChange(Kind):
+    """Part of the torque that moves the table is used up by what was added."""
+
+    effect = "load_change"
+    moment = True
+
+    def shapes(self, motion: Motion) -> Sequence[Shape]:
+        ends = float(motion.time[0, 0]), float(motion.time[-1, -1])
+        return [(float(time),) for time in np.linspace(*ends, _MOMENTS + 2)[1:-1]]
+
+    def around(self, motion: Motion, shape: Shape, level: int) -> Sequence[Shape]:
+        spacing = (float(motion.time[-1, -1]) - float(motion.time[0, 0])) / (_MOMENTS + 1)
+        reach = spacing / 10.0**level
+        return [(shape[0] + share * reach,) for share in np.linspace(-1.0, 1.0, 21).tolist()]
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        after = np.clip((motion.time - shape[0]) / motion.time_step + 0.5, 0.0, 1.0)
+        return [Push(table=-_axis(plant).I2 * motion.acceleration[TABLE] * after)]
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        return {"ratio": float(sizes[0]), "time": shape[0]}
+
+    def plausible(self, sizes: Array, shape: Shape) -> bool:
+        return bool(sizes[0] > -1.0)
+
+
+class ExtraMode(Kind):
+    """A further inertia on a spring on the table: answers the table's acceleration."""
+
+    effect = "extra_mode"
+
+    def shapes(self, motion: Motion) -> Sequence[Shape]:
+        duration = float(motion.time[0, -1] - motion.time[0, 0])
+        lowest, highest = 10.0 / duration, 2.5 / motion.time_step
+        frequencies = np.geomspace(lowest, highest, 48)
+        return [
+            (float(frequency), damping) for frequency in frequencies for damping in (0.01, 0.06)
+        ]
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        frequency, damping = abs(shape[0]), abs(shape[1])
+        law = (2.0 * damping * frequency, frequency**2)
+        driven = -motion.acceleration[TABLE]
+        first = driven.reshape(1, -1)  # its vibration goes on from window to window
+        last = np.concatenate([first[:, 1:], first[:, -1:]], axis=1)
+        behind, closing = core.respond(*law, motion.time_step, first, last)
+        carried = law[0] * closing + law[1] * behind
+        return [Push(table=_axis(plant).I2 * carried.reshape(driven.shape))]
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        return {
+            "frequency": abs(shape[0]),
+            "damping_ratio": abs(shape[1]),
+            "mass_ratio": float(sizes[0]),
+        }
+
+    def plausible(self, sizes: Array, shape: Shape) -> bool:
+        return bool(sizes[0] > 0.0 and shape[0] > 0.0 and 0.0 <= shape[1] < 1.0)
+
+
+# ---- The command and the channels
+
+
+class TorqueDelay(Kind):
+    effect = "delay"
+    sizes = 0
+
+    @property
+    def location(self) -> str:
+        return "torque"
+
+    def shapes(self, motion: Motion) -> Sequence[Shape]:
+        return _delays(motion)
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        steps = max(shape[0], 0.0) / motion.time_step
+        whole = int(np.floor(steps))
+        part = steps - whole
+        newer, older = motion.command(whole), motion.command(whole + 1)
+        # The older torque lasts for a part of the step: straight lines of its area and moment.
+        late = part * (older - newer)
+        lines = np.stack([(4.0 - 3.0 * part) * late, (3.0 * part - 2.0) * late])
+        return [Push(command=newer - motion.command() + lines)]
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        return {"time": shape[0]}
+
+    def plausible(self, sizes: Array, shape: Shape) -> bool:
+        return shape[0] > 0.0
+
+
+class EncoderDelay(TorqueDelay):
+    @property
+    def location(self) -> str:
+        return f"encoder{self.place + 1}"
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        late = _late(
+            motion.angle[self.place],
+            motion.speed[self.place],
+            shape[0] / motion.time_step,
+            motion.time_step,
+        )
+        return [_reads(self.place, late - motion.angle[self.place])]
+
+
+def _delays(motion: Motion) -> Sequence[Shape]:
+    return [(steps * motion.time_step,) for steps in (0.1, 0.4, 1.0, 2.0, 4.0, 8.0, 16.0)]
+
+
+def _late(angle: Array, speed: Array, steps: float, time_step: float) -> Array:
+    """Angles (w, l) as they were so many steps before; before the window by the first speed."""
+    at = np.arange(angle.shape[1], dtype=np.float64)
+    curve = scipy.interpolate.CubicHermiteSpline(at, angle, speed * time_step, axis=1)
+    wanted = at - steps
+    late: Array = curve(np.clip(wanted, 0.0, at[-1]))
+    before = np.minimum(wanted, 0.0) * time_step
+    return late + before * speed[:, :1]
+
+
+class Saturation(Kind):
+    effect = "torque_saturation"
+    sizes = 0
+
+    def shapes(self, motion: Motion) -> Sequence[Shape]:
+        size = np.abs(motion.torque)
+        levels = np.quantile(size, (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.998))
+        return [(float(level),) for level in np.unique(levels) if level > 0.0]
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        command = motion.command()
+        cut = np.clip(command, -abs(shape[0]), abs(shape[0])) - command
+        return [Push(command=np.stack([cut, cut]))]
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        return {"limit": abs(shape[0])}
+
+
+def catalogue(channels: int) -> list[Kind]:
+    """Every kind that a record with so many encoders can show."""
+    kinds: list[Kind] = []
+    for place in range(channels):
+        kinds += [Coulomb(place), Stribeck(place), Disturbance(place), FrictionDrift(place)]
+        kinds += [Eccentricity(place)]
+        if channels == 2:
+            kinds += [Viscous(place), EncoderDelay(place)]
+    # A constant torque only moves the zero between the encoders when it acts at the table.
+    kinds += [Offset(MOTOR), Ripple(), TorqueDelay(), Saturation()]
+    if channels == 2:
+        kinds += [Hardening(), StiffnessDrift(), Backlash(), LeadError(TABLE)]
+        kinds += [LoadChange(TABLE), ExtraMode(TABLE)]
+    return kinds
+
+
+@dataclass(frozen=True)
+class Found:
+    """An effect of some size and shape."""
+
+    kind: Kind
+    sizes: Array
+    shape: Shape
+
+    @property
+    def values(self) -> Array:
+        """Sizes, then the shape as far as it can be adjusted."""
+        return np.array([*self.sizes, *(self.shape if self.kind.adjustable else ())])
+
+    def with_values(self, values: Array) -> Found:
+        """The same effect with other ``values``."""
+        n = len(self.sizes)
+        shape = tuple(values[n:].tolist()) if self.kind.adjustable else self.shape
+        return replace(self, sizes=np.array(values[:n]), shape=shape)
+
+    @property
+    def params(self) -> Mapping[str, float]:
+        return self.kind.params(self.sizes, self.shape)
+
+    @property
+    def plausible(self) -> bool:
+        return self.kind.plausible(self.sizes, self.shape)
+
+    def push(self, motion: Motion, plant: Plant) -> Push:
+        """What it adds in all."""
+        pushes = self.kind.pushes(motion, plant, self.shape)
+        if self.kind.sizes == 0:
+            return pushes[0]
+        return total(pushes, self.sizes)
+
+
+def total(pushes: Sequence[Push], sizes: Sequence[float] | Array) -> Push:
+    """The sum of pushes, each so many times."""
+    summed: dict[str, Array] = {}
+    for push, size in zip(pushes, sizes, strict=True):
+        for name, values in vars(push).items():
+            if values is not None:
+                summed[name] = summed.get(name, 0.0) + size * values
+    return Push(**summed)

@@ -1,0 +1,378 @@
+"""A linear axis with effects, fitted to the windows of a record (Gauss-Newton on the output error).
+
+What is minimised is the difference of simulated and measured angles, over all windows that are not
+held out, each channel in units of its noise. The initial state of every window enters linearly and
+is projected out (variable projection, Golub and Pereyra 1973).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+import scipy.signal
+
+from axistwin.core import Array
+from axistwin.diagnose.effects import DRY, FRICTION, Found, Motion, Push
+from axistwin.diagnose.linear import Plant, Torque, TwoInertias
+from axistwin.diagnose.windows import Windows, noise_floor
+from axistwin.errors import InputError
+from axistwin.identify.samples import Hold
+
+#: Relative step of the differences that make sensitivities.
+_STEP = 1e-6
+
+#: Least samples of the smoothing polynomial, and its degree.
+_SMOOTH_MIN = 7
+_DEGREE = 3
+
+#: A speed this many times its noise has a known sign.
+_KNOWN_SIGN = 2.0
+
+_HALVINGS = 6
+
+
+@dataclass(frozen=True)
+class Fit:
+    """``plant`` with ``found`` effects; ``zero`` of encoder 2 against 1 [rad]; ``noise`` (c,) the
+    size of each channel's error that counts as 1."""
+
+    windows: Windows
+    hold: Hold
+    plant: Plant
+    zero: float = 0.0
+    found: tuple[Found, ...] = ()
+    noise: Array | None = None
+
+    # ---- Simulation
+
+    @cached_property
+    def measured(self) -> Array:
+        """Angles (c, w, l) from where the motor was at the start of each window."""
+        angles: Array = self.windows.angles - self._origin
+        return angles
+
+    @property
+    def _origin(self) -> Array:
+        return self.windows.angles[:1, :, :1]
+
+    @property
+    def weights(self) -> Array:
+        """Of the channels (c, 1, 1)."""
+        noise = np.ones(self.windows.channels) if self.noise is None else self.noise
+        weights: Array = 1.0 / noise[:, None, None]
+        return weights
+
+    def answer(self, plant: Plant, pushes: Sequence[Push], states: Array | None = None) -> Array:
+        """The angles (c, w, l) that the pushes alone make."""
+        return self._answer(plant, pushes, states)[0]
+
+    def _answer(
+        self,
+        plant: Plant,
+        pushes: Sequence[Push],
+        states: Array | None,
+        command: Array | None = None,
+    ) -> tuple[Array, Array]:
+        shape = self.windows.angles.shape
+        smooth, commanded = np.zeros(shape), np.zeros((2, *shape[1:]))
+        errors = np.zeros(shape)
+        if command is not None:
+            commanded += command
+        for push in pushes:
+            for place, acting in enumerate((push.motor, push.table)):
+                if acting is not None:
+                    smooth[place] += acting
+            for channel, wrong in enumerate((push.encoder1, push.encoder2)):
+                if wrong is not None:
+                    errors[channel] += wrong
+            if push.command is not None:
+                commanded += push.command
+        if self.hold == "zoh":
+            torque = Torque.smooth(smooth)
+            torque.first[0] += commanded[0]
+            torque.last[0] += commanded[1]
+        else:
+            smooth[0] += commanded[0]
+            torque = Torque.smooth(smooth)
+        angles, speeds = plant.respond(self.windows.time_step, torque, states)
+        return angles + errors, speeds
+
+    def simulate(self, motion: Motion | None, states: Array | None = None) -> tuple[Array, Array]:
+        """Angles and speeds (c, w, l) of the model, what its effects do taken along ``motion``."""
+        pushes = (
+            [] if motion is None else [effect.push(motion, self.plant) for effect in self.found]
+        )
+        angles, speeds = self._answer(
+            self.plant, pushes, states, self.windows.cut(self.windows.torque)
+        )
+        if self.windows.channels == 2:
+            angles[1] += self.zero
+        return angles, speeds
+
+    # ---- Projection of the initial states
+
+    @cached_property
+    def _free(self) -> tuple[Array, Array]:
+        """Orthonormal basis (c l, s) of the motion without torque, weighted, and its triangle."""
+        free = self.plant.free(self.windows.time_step, self.windows.length)
+        columns = (free * self.weights[:, 0]).reshape(len(free), -1).T
+        q, r = scipy.linalg.qr(columns, mode="economic")
+        return q, r
+
+    def project(self, angles: Array) -> Array:
+        """Angles (c, w, l) as weighted vectors (w, c l) without what initial states can explain."""
+        vectors = (angles * self.weights).transpose(1, 0, 2).reshape(angles.shape[1], -1)
+        q, _ = self._free
+        projected: Array = vectors - (vectors @ q) @ q.T
+        return projected
+
+    def states(self, errors: Array) -> Array:
+        """The initial states (w, s) that explain most of the errors (c, w, l)."""
+        vectors = (errors * self.weights).transpose(1, 0, 2).reshape(errors.shape[1], -1)
+        q, r = self._free
+        states: Array = scipy.linalg.solve_triangular(r, q.T @ vectors.T).T
+        return states
+
+    # ---- What is known of the motion
+
+    @property
+    def smoothing(self) -> int:
+        """Samples that a polynomial is laid through: about a period of the fastest vibration."""
+        length = self.windows.length
+        if isinstance(self.plant, TwoInertias):
+            period = 2.0 * np.pi / (self.plant.frequency * self.windows.time_step)
+        else:
+            period = length / 20.0
+        samples = int(min(max(period, _SMOOTH_MIN), length / 3))
+        return samples + 1 - samples % 2
+
+    def motion(self, before: Motion | None) -> Motion:
+        """The motion as simulation and measurement together tell it.
+
+        The simulation carries the fast part, and the smoothed difference to what was measured is
+        added. ``before`` is the motion along which effects act in that simulation.
+        """
+        windows, count = self.windows, self.smoothing
+        angles, _ = self.simulate(before)
+        states = self.states(self.measured - angles)
+        angles, speeds = self.simulate(before, states)
+        error = self.measured - angles
+
+        def smoothed(order: int) -> Array:
+            values: Array = scipy.signal.savgol_filter(
+                error, count, _DEGREE, deriv=order, delta=windows.time_step, axis=2
+            )
+            return values
+
+        found = () if before is None else self.found
+        misread = np.zeros_like(angles)
+        torque = np.zeros_like(angles)
+        friction = np.zeros_like(angles)
+        grip = np.zeros_like(angles)
+        for one in found:
+            push = one.push(before, self.plant)
+            for channel, wrong in enumerate((push.encoder1, push.encoder2)):
+                if wrong is not None:
+                    misread[channel] += wrong
+            for place, acting in enumerate((push.motor, push.table)):
+                if acting is not None:
+                    torque[place] += acting
+                    if isinstance(one.kind, FRICTION):
+                        friction[place] += acting
+                    if isinstance(one.kind, DRY):
+                        grip[place] += one.sizes[0]
+        if windows.channels == 2:
+            misread[1] += self.zero
+        true = angles - misread
+        acceleration = smoothed(2)
+        load = torque - friction
+        load[0] += windows.cut(windows.torque)
+        twist = np.zeros_like(true[0])
+        twist_speed = np.zeros_like(true[0])
+        if isinstance(self.plant, TwoInertias):
+            axis = self.plant.axis
+            twist = (true[0] - true[1]) + smoothed(0)[0] - smoothed(0)[1]
+            twist_speed = (speeds[0] - speeds[1]) + smoothed(1)[0] - smoothed(1)[1]
+            shaft = axis.K * (true[0] - true[1]) + axis.B * (speeds[0] - speeds[1])
+            acceleration[1] += (shaft + torque[1]) / axis.I2
+            load[0] -= shaft
+            load[1] += shaft
+        spread = np.ones(windows.channels) if self.noise is None else self.noise
+        gain = float(np.linalg.norm(scipy.signal.savgol_coeffs(count, _DEGREE, 1)))
+        creep = _KNOWN_SIGN * gain * spread / windows.time_step
+        speed = speeds + smoothed(1)
+        if self.noise is None:
+            creep = 0.02 * np.sqrt(np.mean(speed**2, axis=(1, 2)))
+        return Motion(
+            time=windows.time,
+            time_step=windows.time_step,
+            torque=windows.torque,
+            index=windows.index,
+            angle=true + smoothed(0) + self._origin,
+            speed=speed,
+            acceleration=acceleration,
+            twist=twist,
+            twist_speed=twist_speed,
+            friction=friction,
+            grip=grip,
+            load=load,
+            creep=creep,
+        )
+
+    # ---- Fitting
+
+    @property
+    def names(self) -> list[str]:
+        """Of the unknowns: the plant's, the zero, then each effect's."""
+        names = list(self.plant.names) + (["zero"] if self.windows.channels == 2 else [])
+        for effect in self.found:
+            names += [f"{effect.kind.name}[{i}]" for i in range(len(effect.values))]
+        return names
+
+    def with_values(self, values: Array) -> Fit:
+        """The same model with other unknowns, in the order of ``names``."""
+        k = len(self.plant.names)
+        plant = self.plant.with_values(values[:k])
+        zero = 0.0
+        if self.windows.channels == 2:
+            zero, k = float(values[k]), k + 1
+        found = []
+        for effect in self.found:
+            n = len(effect.values)
+            found.append(effect.with_values(values[k : k + n]))
+            k += n
+        return replace(self, plant=plant, zero=zero, found=tuple(found))
+
+    @property
+    def values(self) -> Array:
+        zero = [self.zero] if self.windows.channels == 2 else []
+        effects = [value for effect in self.found for value in effect.values]
+        return np.array([*self.plant.values, *zero, *effects])
+
+    def residual(self, motion: Motion) -> Array:
+        """Weighted errors (w, c l), measured less simulated."""
+        return self.project(self.measured - self.simulate(motion)[0])
+
+    def sensitivity(self, motion: Motion) -> Array:
+        """Derivatives (w, k, c l) of the simulation by the unknowns, weighted and projected."""
+        base, _ = self.simulate(motion)
+        states = self.states(self.measured - base)
+        base, _ = self.simulate(motion, states)
+        values, k = self.values, len(self.plant.names)
+        columns = []
+        for i in range(k):
+            step = np.zeros_like(values)
+            step[i] = self._size(i) * _STEP
+            moved, _ = self.with_values(values + step).simulate(motion, states)
+            columns.append(self.project((moved - base) / step[i]))
+        if self.windows.channels == 2:
+            one = np.zeros_like(base)
+            one[1] = 1.0
+            columns.append(self.project(one))
+        for effect in self.found:
+            columns += self.columns(effect, motion)
+        return np.stack(columns, axis=1)
+
+    def columns(self, effect: Found, motion: Motion) -> list[Array]:
+        """Derivatives (w, c l) by the values of one effect, weighted and projected."""
+        return [*self.by_size(effect, motion), *self._by_shape(effect, motion)]
+
+    def by_size(self, effect: Found, motion: Motion) -> list[Array]:
+        """Derivatives (w, c l) by the sizes of one effect."""
+        if effect.kind.sizes == 0:
+            return []
+        pushes = effect.kind.pushes(motion, self.plant, effect.shape)
+        return [self.project(self.answer(self.plant, [push])) for push in pushes]
+
+    def _by_shape(self, effect: Found, motion: Motion) -> list[Array]:
+        columns = []
+        if len(effect.values) > len(effect.sizes):
+            base = self.answer(self.plant, [effect.push(motion, self.plant)])
+        for i in range(len(effect.sizes), len(effect.values)):
+            step = np.zeros_like(effect.values)
+            step[i] = effect.kind.difference * max(abs(effect.values[i]), 1e-9)
+            pushed = effect.with_values(effect.values + step).push(motion, self.plant)
+            columns.append(self.project((self.answer(self.plant, [pushed]) - base) / step[i]))
+        return columns
+
+    def _size(self, i: int) -> float:
+        """The size of a parameter of the plant; damping has one even when it is zero."""
+        values = self.plant.values
+        if isinstance(self.plant, TwoInertias) and i == 2:
+            return max(float(values[2]), 2e-3 * float(values[3]) / self.plant.frequency)
+        if not isinstance(self.plant, TwoInertias) and i == 1:
+            return max(float(values[1]), float(values[0]) / self.windows.time_step * 1e-6)
+        return float(values[i])
+
+    def adjust(
+        self, before: Motion | None = None, rounds: int = 8, tolerance: float = 1e-4
+    ) -> tuple[Fit, Motion]:
+        """The best unknowns near the present ones, and the motion along which effects act then.
+
+        ``before`` is the motion known so far, ``tolerance`` the relative gain that ends it.
+        """
+        fit, motion = self, before if before is not None else self.motion(None)
+        for _ in range(rounds):
+            residual = fit.residual(motion)
+            columns = fit.sensitivity(motion)
+            step = solve(columns, residual, ~fit.windows.held_out)
+            before = fit.misfit(residual)
+            moved = fit._line_search(step, motion, before)
+            if moved is None:
+                break
+            fit = moved
+            motion = fit.motion(motion)
+            after = fit.misfit(fit.residual(motion))
+            if before - after < tolerance * before:
+                break
+        return fit, motion
+
+    def misfit(self, residual: Array) -> float:
+        """Sum of squares where the fit may look."""
+        return float(np.sum(residual[~self.windows.held_out] ** 2))
+
+    def _line_search(self, step: Array, motion: Motion, before: float) -> Fit | None:
+        values = self.values
+        for halving in range(_HALVINGS):
+            moved = values + step * 0.5**halving
+            k = len(self.plant.names)
+            lowest = 1e-3 * self.plant.values
+            lowest[2 if isinstance(self.plant, TwoInertias) else 1] = 0.0
+            moved[:k] = np.maximum(moved[:k], lowest)
+            try:
+                fit = self.with_values(moved)
+                after = fit.misfit(fit.residual(motion))
+            except InputError:
+                continue
+            if after < before:
+                return fit
+        return None
+
+    def with_noise(self, motion: Motion) -> Fit:
+        """The same, each channel weighted by its noise."""
+        angles, _ = self.simulate(motion)
+        states = self.states(self.measured - angles)
+        floor = noise_floor(self.measured - self.simulate(motion, states)[0])
+        rounding = 1e-15 * float(np.max(np.abs(self.windows.angles)))
+        return replace(self, noise=np.maximum(floor, max(rounding, 1e-300)))
+
+
+def solve(columns: Array, residual: Array, chosen: Array) -> Array:
+    """Least squares (k,) of residual (w, n) by columns (w, k, n) over the chosen windows."""
+    gram = np.einsum("wan,wbn->ab", columns[chosen], columns[chosen], optimize=True)
+    right = np.einsum("wan,wn->a", columns[chosen], residual[chosen], optimize=True)
+    return solve_normal(gram, right)
+
+
+def solve_normal(gram: Array, right: Array) -> Array:
+    """The least-squares solution of scaled normal equations; what is not determined stays 0."""
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    values, vectors = np.linalg.eigh(gram / np.outer(size, size))
+    good = values > 1e-11 * values[-1]
+    inner = vectors[:, good] / values[good]
+    solution: Array = inner @ (vectors[:, good].T @ (right / size)) / size
+    return solution

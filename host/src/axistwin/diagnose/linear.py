@@ -1,0 +1,125 @@
+"""The linear axis, which answers any torque at motor and table, exactly.
+
+What an effect adds to Eq. 3 is a torque somewhere, or an error of an encoder. Given the motion that
+was measured, the torque is known but for its size; the linear axis then answers in proportion, so
+that all sizes are found by least squares. Simulated by the core's exact step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from axistwin import core
+from axistwin.core import Array, Axis
+
+
+@dataclass(frozen=True)
+class Torque:
+    """What acts at each of c places (c, w, l) [N m]: from each sample to the next it goes straight
+    from ``first`` to ``last``."""
+
+    first: Array
+    last: Array
+
+    @classmethod
+    def smooth(cls, values: Array) -> Torque:
+        """Straight from sample to sample."""
+        return cls(values, np.concatenate([values[:, :, 1:], values[:, :, -1:]], axis=2))
+
+
+class Plant(Protocol):
+    """A linear axis with ``values`` (k,), the parameters ``names``; c channels and places."""
+
+    names: tuple[str, ...]
+    values: Array
+
+    def with_values(self, values: Array) -> Plant:
+        """The same kind of axis with other parameters (k,)."""
+
+    def respond(
+        self, time_step: float, torque: Torque, states: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Angles [rad] and speeds [rad/s] (c, w, l) under a torque at each place.
+
+        Each window starts in its state (w, s), at rest unless given.
+        """
+
+    def free(self, time_step: float, length: int) -> Array:
+        """The motion (s, c, l) without torque from each unit state."""
+
+
+@dataclass(frozen=True)
+class TwoInertias:
+    """The axis of Eq. 3. States: of the centre of mass angle, speed; of the twist likewise."""
+
+    axis: Axis
+    names = ("I1", "I2", "B", "K")
+
+    @property
+    def values(self) -> Array:
+        return np.array([self.axis.I1, self.axis.I2, self.axis.B, self.axis.K])
+
+    def with_values(self, values: Array) -> TwoInertias:
+        return TwoInertias(Axis(*values.tolist()))
+
+    @property
+    def frequency(self) -> float:
+        """Natural frequency [rad/s]."""
+        return core.modal(self.axis).wn
+
+    def respond(
+        self, time_step: float, torque: Torque, states: Array | None = None
+    ) -> tuple[Array, Array]:
+        a = self.axis
+        total = a.I1 + a.I2
+        reduced = a.I1 * a.I2 / total
+        laws = ((0.0, 0.0), (a.B / reduced, a.K / reduced))
+        shares = ((1.0 / total, 1.0 / total), (1.0 / a.I1, -1.0 / a.I2))
+        moved = []
+        for i, (law, (motor, table)) in enumerate(zip(laws, shares, strict=True)):
+            forces = (motor * t[0] + table * t[1] for t in (torque.first, torque.last))
+            start = None if states is None else states[:, 2 * i : 2 * i + 2]
+            moved.append(core.respond(*law, time_step, *forces, start))
+        (body, body_speed), (twist, twist_speed) = moved
+        motor_share, table_share = a.I2 / total, -a.I1 / total
+        return (
+            np.stack([body + motor_share * twist, body + table_share * twist]),
+            np.stack(
+                [body_speed + motor_share * twist_speed, body_speed + table_share * twist_speed]
+            ),
+        )
+
+    def free(self, time_step: float, length: int) -> Array:
+        nothing = np.zeros((2, 4, length))
+        return self.respond(time_step, Torque(nothing, nothing), np.eye(4))[0].transpose(1, 0, 2)
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """One inertia with viscous friction; what one encoder shows. States: angle, speed."""
+
+    inertia: float
+    viscous: float
+    names = ("I", "viscous")
+
+    @property
+    def values(self) -> Array:
+        return np.array([self.inertia, self.viscous])
+
+    def with_values(self, values: Array) -> Rigid:
+        return Rigid(*values.tolist())
+
+    def respond(
+        self, time_step: float, torque: Torque, states: Array | None = None
+    ) -> tuple[Array, Array]:
+        damping = self.viscous / self.inertia
+        forces = (t[0] / self.inertia for t in (torque.first, torque.last))
+        angle, speed = core.respond(damping, 0.0, time_step, *forces, states)
+        return angle[None], speed[None]
+
+    def free(self, time_step: float, length: int) -> Array:
+        nothing = np.zeros((1, 2, length))
+        return self.respond(time_step, Torque(nothing, nothing), np.eye(2))[0].transpose(1, 0, 2)

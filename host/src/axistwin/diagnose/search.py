@@ -1,0 +1,353 @@
+"""Which effects are in a record: one after another, each has to prove itself on held-out data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import scipy.signal
+
+from axistwin.core import Array
+from axistwin.diagnose import spectrum
+from axistwin.diagnose.effects import (
+    FRICTION,
+    Coulomb,
+    Disturbance,
+    Found,
+    FrictionDrift,
+    Kind,
+    LeadError,
+    Motion,
+    Offset,
+    Ripple,
+    Shape,
+    Viscous,
+    catalogue,
+)
+from axistwin.diagnose.fit import Fit, solve_normal
+from axistwin.diagnose.linear import Torque
+from axistwin.errors import InputError
+
+#: Effects that are named at most.
+EFFECTS_MAX = 4
+
+#: What an effect has to win on the windows it is fitted to, in units of the noise squared or of
+#: the error squared, and on those held out.
+GAIN_MIN = 30.0
+HELD_OUT_MIN = 10.0
+
+#: Of the best trials, so many are fitted in full, if they gain this share of what the best does.
+CONTENDERS = 5
+CONTENDER = 0.3
+
+#: Effects of which an axis can have several at a place.
+SEVERAL = (Ripple, LeadError)
+
+#: Student's t of the gain of the held-out windows.
+T_MIN = 3.0
+
+#: Waves that are tried of each kind, and the most periods a turn.
+_WAVES = 4
+_PERIODS_MAX = 360.0
+
+#: How often a moment is looked for closer to the best one.
+_LEVELS = 3
+
+#: Gauss-Newton steps that adjust a shape alone.
+_STEPS = 4
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A kind of effect at its best besides a model. ``before`` and ``after`` (w,): the squared,
+    weighted error of each window without and with it."""
+
+    found: Found
+    before: Array
+    after: Array
+    held_out: npt.NDArray[np.bool_]
+
+    @property
+    def gain(self) -> float:
+        """What the fitted windows gain."""
+        return float(np.sum((self.before - self.after)[~self.held_out]))
+
+    @property
+    def total(self) -> float:
+        """What all held-out windows gain."""
+        return float(np.sum((self.before - self.after)[self.held_out]))
+
+    @property
+    def t(self) -> float:
+        """Student's t of the gain of the held-out windows, each on a scale of its own."""
+        return student(np.log(self.before / self.after)[self.held_out])
+
+
+def student(values: Array) -> float:
+    """Student's t of the mean of values."""
+    spread = float(np.std(values, ddof=1)) / np.sqrt(len(values))
+    return float(np.mean(values)) / max(spread, 1e-300)
+
+
+class Trials:
+    """Everything that the catalogue could add to a fit."""
+
+    def __init__(self, fit: Fit, motion: Motion) -> None:
+        self.fit, self.motion = fit, motion
+        self._residual = fit.residual(motion)
+        self._columns = fit.sensitivity(motion)
+        self._held_out = fit.windows.held_out
+        self._grams = self._columns @ self._columns.transpose(0, 2, 1)
+        self._rights = (self._columns @ self._residual[:, :, None])[:, :, 0]
+        self._before = self._error(
+            np.zeros((len(self._residual), 0, 0)), None, None, self._residual
+        )
+
+    def run(self, kinds: Sequence[Kind], progress: Progress) -> list[Trial]:
+        """The best of each kind, the most helpful first."""
+        trials = []
+        for kind in kinds:
+            progress(f"trying {kind.effect} at {kind.location}")
+            trial = self._best(kind)
+            if trial is not None:
+                trials.append(trial)
+        return sorted(trials, key=lambda trial: -trial.gain)
+
+    def _best(self, kind: Kind) -> Trial | None:
+        best = self._best_of(kind, self._shapes(kind))
+        for level in range(_LEVELS if best is not None and kind.moment else 0):
+            best = self._best_of(kind, kind.around(self.motion, best.found.shape, level)) or best
+        if best is None or not kind.adjustable or not best.found.shape:
+            return best
+        return self._adjusted(best)
+
+    def _best_of(self, kind: Kind, shapes: Sequence[Shape]) -> Trial | None:
+        trials = [self._try(Found(kind, np.zeros(kind.sizes), shape)) for shape in shapes]
+
+        def worth(trial: Trial) -> float:
+            return trial.gain + (trial.total if kind.moment else 0.0)
+
+        return max((trial for trial in trials if trial), key=worth, default=None)
+
+    def _shapes(self, kind: Kind) -> Sequence[Shape]:
+        if isinstance(kind, (Ripple, LeadError, Disturbance)):
+            return [(periods,) for periods in self._waves(kind)]
+        return kind.shapes(self.motion)
+
+    def _try(self, found: Found) -> Trial | None:
+        """With the best sizes for this shape."""
+        if not found.kind.possible(self.motion, found.shape):
+            return None
+        columns = self.fit.by_size(found, self.motion)
+        fixed = self._residual
+        if found.kind.sizes == 0:
+            push = found.push(self.motion, self.fit.plant)
+            fixed = self._residual - self.fit.project(self.fit.answer(self.fit.plant, [push]))
+        stack = np.stack(columns, axis=1) if columns else np.zeros((len(fixed), 0, fixed.shape[1]))
+        cross = stack @ self._columns.transpose(0, 2, 1)
+        after = self._error(stack, cross, None, fixed)
+        sizes = self._sizes
+        candidate = replace(found, sizes=sizes)
+        if not np.all(np.isfinite(sizes)) or not candidate.plausible:
+            return None
+        return Trial(candidate, self._before, after, self._held_out)
+
+    def _error(self, stack: Array, cross: Array | None, _: None, residual: Array) -> Array:
+        """Sum of squares (w,) of each window after a least-squares fit to those not held out."""
+        rights = (
+            self._rights
+            if residual is self._residual
+            else (self._columns @ residual[:, :, None])[:, :, 0]
+        )
+        grams = self._grams
+        if cross is not None and stack.shape[1]:
+            own = stack @ stack.transpose(0, 2, 1)
+            grams = np.block([[grams, cross.transpose(0, 2, 1)], [cross, own]])
+            rights = np.concatenate([rights, (stack @ residual[:, :, None])[:, :, 0]], axis=1)
+        chosen = ~self._held_out
+        solution = solve_normal(np.sum(grams[chosen], axis=0), np.sum(rights[chosen], axis=0))
+        self._sizes = solution[self._columns.shape[1] :]
+        squares = np.sum(residual**2, axis=1)
+        return squares - 2.0 * rights @ solution + (grams @ solution) @ solution
+
+    def _adjusted(self, best: Trial) -> Trial:
+        """The shape adjusted by Gauss-Newton steps, the rest of the model linearised."""
+        for _ in range(_STEPS):
+            found = best.found
+            push = found.push(self.motion, self.fit.plant)
+            fixed = self._residual - self.fit.project(self.fit.answer(self.fit.plant, [push]))
+            own = np.stack(self.fit.columns(found, self.motion), axis=1)
+            cross = own @ self._columns.transpose(0, 2, 1)
+            self._error(own, cross, None, fixed)
+            step = self._sizes
+            for halving in range(4):
+                values = found.values + step * 0.5**halving
+                try:
+                    trial = self._try(found.with_values(values))
+                except InputError:
+                    continue
+                if trial is not None and trial.gain > best.gain:
+                    break
+            else:
+                return best
+            gained, best = trial.gain - best.gain, trial
+            if gained < 1e-3 * abs(best.gain):
+                break
+        return best
+
+    # ---- What is periodic
+
+    def _waves(self, kind: Kind) -> list[float]:
+        """The numbers of periods that promise most."""
+        fit, motion = self.fit, self.motion
+        solution = solve_normal(np.sum(self._grams, axis=0), np.sum(self._rights, axis=0))
+        error = self._residual - np.einsum("wkn,k->wn", self._columns, solution)
+        channels = error.reshape(len(error), fit.windows.channels, -1).transpose(1, 0, 2)
+        if isinstance(kind, Disturbance):
+            return spectrum.lines(channels, motion.time_step, motion.index, _WAVES)
+        channels = channels * fit.weights
+        if isinstance(kind, LeadError):
+            scores = channels[1]
+        else:
+            backwards = np.ascontiguousarray(channels[:, :, ::-1])
+            moved, _ = fit.plant.respond(motion.time_step, Torque.smooth(backwards))
+            scores = moved[kind.place, :, ::-1]
+        # Windows that end abruptly would spread every slow error over all periods.
+        scores = scores * scipy.signal.windows.hann(fit.windows.length)
+        fastest = max(float(np.quantile(np.abs(motion.speed[0]), 0.5)), 1e-12)
+        lowest, highest = 1.0, min(0.9 * np.pi / (fastest * motion.time_step), _PERIODS_MAX)
+        strength = self._strength(kind, lowest, highest)
+        argument = motion.angle[kind.place]
+        found = spectrum.peaks(argument, scores, lowest, highest, strength, _WAVES, True)
+        if isinstance(kind, LeadError):
+            found = [periods for periods in found if periods != 1.0]  # that is an eccentricity
+        return found
+
+    def _strength(self, kind: Kind, lowest: float, highest: float) -> Callable[[Array], Array]:
+        """What a wave of size 1 moves, squared, interpolated between some numbers of periods."""
+        fit, motion = self.fit, self.motion
+        tried = np.geomspace(lowest, highest, 24)
+        moved = []
+        for periods in tried:
+            columns = fit.columns(Found(kind, np.zeros(2), (float(periods),)), motion)[:2]
+            moved.append(sum(float(np.sum(column**2)) for column in columns))
+        logs = np.log(np.maximum(moved, 1e-300))
+        return lambda wanted: np.exp(np.interp(np.log(wanted), np.log(tried), logs))
+
+
+def significant(trial: Trial, scale: float) -> bool:
+    """Whether an effect helps beyond chance; ``scale`` is the squared error expected of a sample."""
+    unknowns = max(trial.found.kind.sizes, 1) + len(trial.found.shape)
+    return (
+        trial.gain > (GAIN_MIN + 4.0 * unknowns) * scale
+        and trial.total > HELD_OUT_MIN * scale
+        and trial.t > T_MIN
+    )
+
+
+@dataclass(frozen=True)
+class State:
+    """A fit, the motion it makes of the record, and the squared errors (w,) of the windows."""
+
+    fit: Fit
+    motion: Motion
+    errors: Array
+
+    @classmethod
+    def of(cls, fit: Fit, before: Motion | None = None) -> State:
+        """The fit adjusted to the record, ``before`` the motion known so far."""
+        fit, motion = fit.adjust(before)
+        return cls(fit, motion, np.sum(fit.residual(motion) ** 2, axis=1))
+
+    @classmethod
+    def as_is(cls, fit: Fit, motion: Motion) -> State:
+        """The fit without adjusting anything."""
+        return cls(fit, motion, np.sum(fit.residual(motion) ** 2, axis=1))
+
+    @property
+    def scale(self) -> float:
+        """Squared error of a sample, at least that of the noise."""
+        windows = self.fit.windows
+        freedom = self.errors.size * (windows.channels * windows.length - 2 * windows.channels)
+        return max(1.0, float(np.sum(self.errors)) / freedom)
+
+    @property
+    def fitted(self) -> float:
+        """The error of the windows that may be fitted to."""
+        return float(np.sum(self.errors[~self.fit.windows.held_out]))
+
+    def against(self, other: State, found: Found) -> Trial:
+        """What this state gains over another one by an effect."""
+        return Trial(found, other.errors, self.errors, self.fit.windows.held_out)
+
+    @property
+    def plausible(self) -> bool:
+        """Whether an axis can have these effects, and such a motion can show them."""
+        return all(
+            found.plausible and found.kind.possible(self.motion, found.shape)
+            for found in self.fit.found
+        )
+
+
+def begin(fit: Fit) -> State:
+    """A plant that is near enough for effects to be told, without any.
+
+    Friction and load drag both angles away from a plant that has none, and would drag the
+    parameters of the plant along: while these are adjusted, there is some of both.
+    """
+    dragging = (
+        (Coulomb(), Viscous(), Offset()) if fit.windows.channels == 2 else (Coulomb(), Offset())
+    )
+    found = tuple(Found(kind, np.zeros(1), ()) for kind in dragging)
+    state = State.of(replace(fit, found=found))
+    state = State.of(state.fit.with_noise(state.motion), state.motion)
+    return State.as_is(replace(state.fit, found=()), state.motion)
+
+
+def extend(base: State, progress: Progress) -> tuple[list[State], list[Trial]]:
+    """Add effects one at a time while held-out data say so.
+
+    The states on the way, ``base`` first, and the trials of the last round: what was not named.
+    """
+    states = [base]
+    while True:
+        state = states[-1]
+        trials = Trials(state.fit, state.motion).run(_left(state.fit), progress)
+        good = [trial for trial in trials if significant(trial, state.scale)]
+        if not good or len(state.fit.found) == EFFECTS_MAX:
+            return states, trials
+        better = _best(state, good, progress)
+        if better is None:
+            return states, trials
+        states.append(better)
+
+
+def _left(fit: Fit) -> list[Kind]:
+    """The kinds that can be added: waves several times, all others once."""
+    names = [found.kind.name for found in fit.found]
+    frictions = [found.kind.place for found in fit.found if isinstance(found.kind, FRICTION)]
+    return [
+        kind
+        for kind in catalogue(fit.windows.channels)
+        if (kind.name not in names or isinstance(kind, SEVERAL))
+        and (not isinstance(kind, FrictionDrift) or kind.place in frictions)
+    ]
+
+
+def _best(state: State, good: list[Trial], progress: Progress) -> State | None:
+    """The trials that gain most, each fitted with all the rest; the best of them that holds."""
+    fits = []
+    for trial in good[:CONTENDERS]:
+        if trial.gain < CONTENDER * good[0].gain:
+            break
+        progress(f"fitting {trial.found.kind.effect} at {trial.found.kind.location}")
+        fit = replace(state.fit, found=(*state.fit.found, trial.found))
+        candidate = State.of(fit, state.motion)
+        if candidate.plausible:
+            fits.append((candidate, candidate.against(state, trial.found)))
+    fits = [(found, trial) for found, trial in fits if significant(trial, found.scale)]
+    return max(fits, key=lambda pair: pair[1].gain)[0] if fits else None

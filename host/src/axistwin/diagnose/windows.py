@@ -1,0 +1,121 @@
+"""A record cut into windows, and the noise of its encoders.
+
+A simulation drifts away from an axis in the end, because its angle is the torque integrated twice.
+So everything is compared in windows, each with an initial state of its own. Every third window is
+held out: no parameter is fitted to it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.signal
+
+from axistwin.core import Array
+from axistwin.errors import NotEnoughDataError
+from axistwin.record import Record
+
+#: A window is this long unless given [s].
+WINDOW = 0.5
+
+#: Windows there have to be at least, and samples in each.
+WINDOWS_MIN = 9
+LENGTH_MIN = 24
+
+#: Samples that are looked at, spread over the record: more make no answer better.
+SAMPLES_MAX = 400_000
+
+#: Every so many windows one is held out.
+FOLD = 3
+
+#: The upper part of the frequency range, where a simulation error is noise of the encoders.
+_NOISE_BAND = 0.7
+
+
+@dataclass(frozen=True)
+class Windows:
+    """``index`` (w, l): the samples of each window. Channels are cut to (w, l) by cut().
+
+    ``time`` (w, l) [s] from the first sample of the record, ``angles`` (c, w, l) as measured [rad],
+    ``torque`` (n,) of the whole record [N m], ``held_out`` (w,).
+    """
+
+    index: npt.NDArray[np.int64]
+    time_step: float
+    angles: Array
+    torque: Array
+    held_out: npt.NDArray[np.bool_]
+
+    @property
+    def count(self) -> int:
+        """Number of windows."""
+        return len(self.index)
+
+    @property
+    def length(self) -> int:
+        """Samples in a window."""
+        return self.index.shape[1]
+
+    @property
+    def channels(self) -> int:
+        """Number of encoders."""
+        return len(self.angles)
+
+    @property
+    def time(self) -> Array:
+        """Since the first sample of the record [s], (w, l)."""
+        return self.index * self.time_step
+
+    def cut(self, values: Array, late: int = 0) -> Array:
+        """Values (n,) of a channel in windows (w, l), or those ``late`` samples before."""
+        cut: Array = values[np.maximum(self.index - late, 0)]
+        return cut
+
+
+def cut(record: Record, window: float) -> Windows:
+    """Windows of about ``window`` [s] in the unbroken parts of a record.
+
+    Raises NotEnoughDataError when there are too few.
+    """
+    bounds = np.concatenate([[-1], record.missing, [len(record)]])
+    longest = int(np.max(np.diff(bounds))) - 1
+    length = min(round(window / record.time_step), longest // WINDOWS_MIN)
+    length = max(length, LENGTH_MIN)
+    starts = [
+        start
+        for first, end in zip(bounds[:-1] + 1, bounds[1:], strict=True)
+        for start in range(int(first), int(end) - length + 1, length)
+    ]
+    if len(starts) < WINDOWS_MIN:
+        raise NotEnoughDataError(
+            f"{record.source}: {len(record)} samples with {len(record.missing)} missing are too "
+            f"few: {WINDOWS_MIN * LENGTH_MIN} in a row at least, better some seconds"
+        )
+    keep = max(WINDOWS_MIN, SAMPLES_MAX // length)
+    chosen = np.unique(np.linspace(0, len(starts) - 1, min(keep, len(starts))).astype(np.int64))
+    index = np.array(starts, np.int64)[chosen, None] + np.arange(length)
+    angles = [record.theta1] if record.theta2 is None else [record.theta1, record.theta2]
+    return Windows(
+        index,
+        record.time_step,
+        np.stack([angle[index] for angle in angles]),
+        record.torque,
+        np.arange(len(index)) % FOLD == FOLD - 1,
+    )
+
+
+def noise_floor(errors: Array) -> Array:
+    """Size (c,) of the white noise in simulation errors (c, w, l).
+
+    From the upper end of their spectrum, where no motion of an axis is left; the median, so that
+    lines in it do not count.
+    """
+    length = errors.shape[2]
+    taper = scipy.signal.windows.blackmanharris(length)
+    power = np.abs(np.fft.rfft(errors * taper, axis=2)) ** 2 / np.sum(taper**2)
+    upper = power[:, :, int(_NOISE_BAND * power.shape[2]) : -1]
+    median = np.median(upper, axis=(1, 2)) / np.log(2.0)  # of an exponential distribution
+    size: Array = np.sqrt(median)
+    return size
