@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from axistwin import compare, model
+from axistwin import compare, core, model
 from axistwin.cli import main
 from axistwin.core import Axis, Effect
 from axistwin.errors import InputError, NotEnoughDataError
@@ -49,6 +49,17 @@ def test_a_model_has_no_error_on_its_own_record(hold: Hold) -> None:
     errors = compare.compare(WORN, record_of(WORN, hold), hold=hold)
     assert [error.name for error in errors] == ["theta1", "theta2", "twist"]
     assert all(error.relative < 1e-4 for error in errors)
+
+
+def test_the_state_is_found_of_an_axis_that_sticks_now_and_then() -> None:
+    """Under torque of many frequencies the error of a whole window has many minima."""
+    sticky = Model(AXIS, (Effect("friction_coulomb", "table", {"torque": 0.02}),))
+    torque = np.tile(core.schroeder(2048, 160, 0.2), 2)
+    theta1, theta2 = sticky.simulate(torque, STEP)
+    time = STEP * np.arange(len(torque), dtype=np.float64)
+    record = Record(time=time, torque=torque, theta1=theta1, theta2=theta2, time_step=STEP)
+    errors = compare.compare(sticky, record)
+    assert all(error.relative < 1e-3 for error in errors)
 
 
 def test_noise_is_the_error_that_is_left() -> None:

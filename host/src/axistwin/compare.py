@@ -120,11 +120,18 @@ class _Window:
             size += [twist, twist * self._model.natural_frequency, twist]
         scale = np.maximum(np.array(size), 1e-12)
 
-        def error(x: Array) -> Array:
-            return np.asarray((self._run(guess + scale * x) - self.measured).ravel(), np.float64)
+        def error(x: Array, count: int) -> Array:
+            off = self._run(guess + scale * x, count) - self.measured[:count]
+            return np.asarray(off.ravel(), np.float64)
 
-        found = scipy.optimize.least_squares(error, np.zeros(len(guess)), diff_step=[_DIFFERENCE])
-        return self._run(guess + scale * found.x)
+        # Where an axis sticks from some states and not from others, the error has minima beside the
+        # right one. Over few samples it has not, and from there on each next part lies near.
+        found = np.zeros(len(guess))
+        for count in _growing(len(self.measured)):
+            found = scipy.optimize.least_squares(
+                error, found, diff_step=[_DIFFERENCE], args=(count,)
+            ).x
+        return self._run(guess + scale * found, len(self.measured))
 
     def _guess(self) -> Array:
         """The state that the first samples show, and the zero that the mean of the twist shows."""
@@ -135,19 +142,30 @@ class _Window:
             return np.array([values[0], slopes[0]])
         guess = np.array([values[0], slopes[0], 0.0, slopes[0] - slopes[1], 0.0])
         for _ in range(2):
-            off = self._run(guess) - self.measured
+            off = self._run(guess, len(self.measured)) - self.measured
             shift = float(np.mean(off[:, 0] - off[:, 1]))
             guess[4] += shift
             guess[2] = values[0] - values[1] + guess[4]
         return guess
 
-    def _run(self, unknowns: Array) -> Array:
+    def _run(self, unknowns: Array, count: int) -> Array:
+        """The first samples (count, c) from a state and with a zero of the twist."""
         angle, speed, *rest = (float(value) for value in unknowns)
         twist, twist_speed, zero = rest or (0.0, 0.0, 0.0)
         state = State(twist, twist_speed, speed, angle)
-        theta1, theta2 = self._model.simulate(self._torque, self._time_step, state, hold=self._hold)
+        theta1, theta2 = self._model.simulate(
+            self._torque[:count], self._time_step, state, hold=self._hold
+        )
         channels = [theta1, theta2 + zero]
         return np.column_stack(channels[: self.measured.shape[1]])
+
+
+def _growing(count: int) -> list[int]:
+    """Numbers of samples up to ``count``, each about half as many again as the one before."""
+    counts = [count]
+    while counts[-1] * 2 // 3 >= WINDOW_MIN:
+        counts.append(counts[-1] * 2 // 3)
+    return counts[::-1]
 
 
 def _errors(
