@@ -51,6 +51,26 @@ def test_a_model_has_no_error_on_its_own_record(hold: Hold) -> None:
     assert all(error.relative < 1e-4 for error in errors)
 
 
+def test_angle_and_time_are_those_of_the_record() -> None:
+    """A ripple is where it is on the turn, a disturbance when it is, wherever a record begins."""
+    place = {"amplitude": 0.02, "periods": 7.0, "phase": 0.4}
+    worn = replace(WORN, effects=(*WORN.effects, Effect("torque_ripple", "motor", place)))
+    whole = record_of(worn)
+    assert whole.theta2 is not None
+    first = 900
+    later = Record(
+        time=whole.time[first:],
+        torque=whole.torque[first:],
+        theta1=whole.theta1[first:] + 2.0 * np.pi * 5.0,
+        theta2=whole.theta2[first:] + 2.0 * np.pi * 5.0,
+        time_step=STEP,
+    )
+    halved = replace(whole, missing=np.array([first - 1]))
+    for model_of_part, record in ((worn.later(first * STEP), later), (worn, halved)):
+        errors = compare.compare(model_of_part, record)
+        assert all(error.relative < 1e-4 for error in errors)
+
+
 def test_the_state_is_found_of_an_axis_that_sticks_now_and_then() -> None:
     """Under torque of many frequencies the error of a whole window has many minima."""
     sticky = Model(AXIS, (Effect("friction_coulomb", "table", {"torque": 0.02}),))

@@ -103,7 +103,8 @@ class _Window:
         part = slice(start, start + length)
         self._time_step = samples.time_step
         self._hold = hold
-        self._model = model.later(start * samples.time_step)
+        self._model = model.later(samples.begin + start * samples.time_step)
+        self._zero = samples.zero
         self._torque = samples.torque[part]
         columns = [samples.theta1[part]]
         if samples.theta2 is not None:
@@ -152,11 +153,11 @@ class _Window:
         """The first samples (count, c) from a state and with a zero of the twist."""
         angle, speed, *rest = (float(value) for value in unknowns)
         twist, twist_speed, zero = rest or (0.0, 0.0, 0.0)
-        state = State(twist, twist_speed, speed, angle)
+        state = State(twist, twist_speed, speed, self._zero + angle)
         theta1, theta2 = self._model.simulate(
             self._torque[:count], self._time_step, state, hold=self._hold
         )
-        channels = [theta1, theta2 + zero]
+        channels = [theta1 - self._zero, theta2 - self._zero + zero]
         return np.column_stack(channels[: self.measured.shape[1]])
 
 

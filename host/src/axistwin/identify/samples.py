@@ -30,7 +30,8 @@ class Samples:
 
     Arrays are (n,): ``torque`` [N m], ``theta1``, ``theta2`` [rad], ``omega1``, ``omega2``
     [rad/s]. ``resolution`` is one count of the motor and table encoder [rad], None if unknown.
-    A ``linear`` axis reads N, m.
+    A ``linear`` axis reads N, m. In the record they begin at ``begin`` [s] after its first sample,
+    with the motor at the angle ``zero`` [rad].
     """
 
     time_step: float
@@ -41,6 +42,8 @@ class Samples:
     omega2: Array | None
     resolution: tuple[float | None, float | None]
     linear: bool
+    begin: float = 0.0
+    zero: float = 0.0
 
     @property
     def count(self) -> int:
@@ -103,4 +106,6 @@ def longest_stretch(record: Record) -> Samples:
         omega2=cut(record.omega2),
         resolution=record.resolution,
         linear=record.linear,
+        begin=part.start * record.time_step,
+        zero=zero,
     )
