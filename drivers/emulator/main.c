@@ -83,6 +83,8 @@ static axt_status start_node(const axt_emulator_options *options, axt_emulated_a
         .axis = axis,
         .apply_torque = axt_emulated_axis_apply_torque,
         .read_encoders = axt_emulated_axis_read_encoders,
+        .axis_command = axt_emulated_axis_command,
+        .restart_axis = axt_emulated_axis_restart,
     };
     axt_status status =
         axt_emulated_axis_init(axis, &options->axis, config.control_period, config.counts_per_turn);

@@ -8,10 +8,15 @@
 
 #include "axt_encoder.h"
 #include "axt_machine.h"
+#include "axt_node.h"
 
 typedef struct {
     axt_machine machine;
     uint32_t counts_per_turn[2]; /* encoders at motor and table */
+    /* from the next restart on, as commands have set it */
+    axt_axis next_axis;
+    axt_effects next_effects;
+    uint32_t selected; /* argument of the last EffectSelect */
 } axt_emulated_axis;
 
 /* An ideal axis at rest at angle 0. Fails as axt_plant_init(), and with AXT_ERROR_RANGE for counts
@@ -22,6 +27,15 @@ axt_status axt_emulated_axis_init(axt_emulated_axis *emulated, const axt_axis *a
 /* The same axis with `effects`, at rest at angle 0 again. Fails as axt_effects_check(); the axis is
  * then as it was. */
 axt_status axt_emulated_axis_set_effects(axt_emulated_axis *emulated, const axt_effects *effects);
+
+/* A command of the contract, from EffectSelect to AxisRestart: sets what the axis is to be after
+ * the next restart, and for AxisRestart says whether that is an axis. Nothing else is a command to
+ * an axis. Called from the background. `axis` is an axt_emulated_axis. */
+axt_node_result axt_emulated_axis_command(void *axis, const struct axt_contract_command_t *command);
+
+/* The axis begins anew, at rest at angle 0, as the commands have set it. Called from the tick, once
+ * AxisRestart was found to be possible. Cost: that of axt_machine_init(). */
+void axt_emulated_axis_restart(void *axis);
 
 /* Moves the axis on by one control period, at the end of which `torque` [N m] acts. `axis` is an
  * axt_emulated_axis. Cost: that of axt_machine_step(). */

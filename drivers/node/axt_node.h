@@ -92,12 +92,17 @@ enum { AXT_NODE_FILTERS = 2 };
 /* What a carrier must let through for node `id`: all that the node listens to, and little else. */
 void axt_node_filters(uint8_t id, axt_can_filter filters[AXT_NODE_FILTERS]);
 
-/* What the node stands on. */
+/* What the node stands on. `axis` is handed to all functions below it. */
 typedef struct {
-    axt_can *can;                                      /* called from the background only */
-    void *axis;                                        /* handed to the next two, */
-    void (*apply_torque)(void *axis, axt_real torque); /* which are called from the tick; [N m] */
+    axt_can *can; /* called from the background only */
+    void *axis;
+    /* called from the tick */
+    void (*apply_torque)(void *axis, axt_real torque);      /* [N m] */
     void (*read_encoders)(void *axis, int32_t position[2]); /* motor, table [counts] */
+    /* of an emulated axis (axt_emulated_axis.h), NULL where it is a real one: takes the commands
+     * that the node does not know, from the background; ... */
+    axt_node_result (*axis_command)(void *axis, const struct axt_contract_command_t *command);
+    void (*restart_axis)(void *axis); /* ... an AxisRestart that was DONE is then due in the tick */
 } axt_node_port;
 
 /* Buffers belong to the caller and must live as long as the node. */
@@ -134,6 +139,7 @@ typedef enum {
     AXT_NODE_ORDER_LIMITS,   /* see limits and host_timeout */
     AXT_NODE_ORDER_WATCH,    /* see new_monitor */
     AXT_NODE_ORDER_RESET,    /* of the estimator */
+    AXT_NODE_ORDER_RESTART,  /* of an emulated axis */
     AXT_NODE_ORDER_ESTIMATE, /* copy the estimator for the background */
 } axt_node_order;
 

@@ -1,5 +1,7 @@
 #include "axt_node_command.h"
 
+#include <stddef.h>
+
 #include "axt_node_frames.h"
 #include "axt_node_shared.h"
 
@@ -239,6 +241,25 @@ static axt_node_result set_host(axt_node *node, uint32_t consumer) {
     return AXT_NODE_DONE;
 }
 
+/* An emulated axis knows commands of its own. */
+static axt_node_result command_axis(const axt_node *node,
+                                    const struct axt_contract_command_t *command) {
+    const axt_node_port *port = &node->port;
+    return (port->axis_command != NULL) ? port->axis_command(port->axis, command)
+                                        : AXT_NODE_UNKNOWN_COMMAND;
+}
+
+static axt_node_result restart_axis(axt_node *node, const struct axt_contract_command_t *command) {
+    const axt_node_result result = command_axis(node, command);
+    if (result == AXT_NODE_DONE && axt_node_enabled(node)) {
+        return AXT_NODE_NOT_WHILE_ENABLED;
+    }
+    if (result == AXT_NODE_DONE) {
+        axt_node_order_tick(node, AXT_NODE_ORDER_RESTART, 0);
+    }
+    return result;
+}
+
 axt_node_result axt_node_execute(axt_node *node, const axt_can_frame *frame) {
     struct axt_contract_command_t command = {0};
     if (axt_contract_command_unpack(&command, frame->data, frame->length) != 0) {
@@ -303,7 +324,9 @@ axt_node_result axt_node_execute(axt_node *node, const axt_can_frame *frame) {
         return limit_travel_above(node, command.travel_max);
     case AXT_CONTRACT_COMMAND_CODE_HOST_HEARTBEAT_CHOICE:
         return set_host(node, command.host_heartbeat);
+    case AXT_CONTRACT_COMMAND_CODE_AXIS_RESTART_CHOICE:
+        return restart_axis(node, &command);
     default:
-        return AXT_NODE_UNKNOWN_COMMAND;
+        return command_axis(node, &command);
     }
 }

@@ -175,6 +175,9 @@ static void take_order(axt_node *node) {
     case AXT_NODE_ORDER_RESET:
         axt_ident_reset(&node->ident);
         break;
+    case AXT_NODE_ORDER_RESTART:
+        node->port.restart_axis(node->port.axis);
+        break;
     case AXT_NODE_ORDER_ESTIMATE:
         node->ident_copy = node->ident;
         break;

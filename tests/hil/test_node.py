@@ -89,10 +89,10 @@ def test_the_wrong_contract_version_is_said(
     start_emulator(carrier)
     contract = (REPOSITORY / "drivers" / "contract" / "axistwin.dbc").read_text()
     other = tmp_path / "other.dbc"
-    other.write_text(contract.replace('BA_ "ContractVersion" 2;', 'BA_ "ContractVersion" 3;'))
+    other.write_text(contract.replace('BA_ "ContractVersion" 3;', 'BA_ "ContractVersion" 4;'))
     log = tmp_path / "x.log"
     outcome = host("log", *carrier.host, "--dbc", str(other), "-f", str(log))
-    outcome.expect(3, "node 1 speaks contract version 2", "other.dbc is version 3", "--dbc")
+    outcome.expect(3, "node 1 speaks contract version 3", "other.dbc is version 4", "--dbc")
     assert not log.exists()
 
 

@@ -262,7 +262,7 @@ def test_frames_of_other_devices_make_no_node() -> None:
 
 
 def test_another_version_of_the_contract_is_not_decoded() -> None:
-    with pytest.raises(InputError, match=r"version 9, axistwin\.dbc is version 2"):
+    with pytest.raises(InputError, match=r"version 9, axistwin\.dbc is version 3"):
         decode(identity(Contract=9) + stream(Axis(10)))
 
 

@@ -114,6 +114,15 @@ static inline void rig_read_encoders(void *axis, int32_t position[2]) {
     }
 }
 
+static inline axt_node_result rig_axis_command(void *axis,
+                                               const struct axt_contract_command_t *command) {
+    return axt_emulated_axis_command(&((rig *)axis)->axis, command);
+}
+
+static inline void rig_restart_axis(void *axis) {
+    axt_emulated_axis_restart(&((rig *)axis)->axis);
+}
+
 /* A rig with the paper's axis and a sensible drive; change `config`, then rig_start(). */
 static inline rig *rig_new(void) {
     rig *r = calloc(1, sizeof *r);
@@ -155,6 +164,8 @@ static inline axt_status rig_start(rig *r) {
         .axis = r,
         .apply_torque = rig_apply_torque,
         .read_encoders = rig_read_encoders,
+        .axis_command = rig_axis_command,
+        .restart_axis = rig_restart_axis,
     };
     const axt_status status = axt_emulated_axis_init(
         &r->axis, &axt_axis_paper, r->config.control_period,

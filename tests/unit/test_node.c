@@ -514,8 +514,9 @@ CASE(the_status_of_a_frame_is_that_of_its_last_sample_and_any_limit) {
  */
 
 CASE(every_code_is_answered_and_only_known_ones_are_done) {
-    static const uint8_t known[] = {1,  2,  3,  4,  5,  6,  16, 17, 18, 19, 20, 21, 22, 23,
-                                    32, 33, 34, 35, 36, 37, 38, 39, 48, 49, 50, 51, 52};
+    static const uint8_t known[] = {1,  2,  3,  4,  5,  6,  16, 17, 18, 19, 20, 21,
+                                    22, 23, 32, 33, 34, 35, 36, 37, 38, 39, 48, 49,
+                                    50, 51, 52, 64, 65, 66, 67, 68, 69, 70, 71};
     rig *r = rig_running();
     for (uint32_t code = 0; code < 256; code++) {
         const bool is_known = memchr(known, (int)code, sizeof known) != NULL;
