@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import subprocess
 from pathlib import Path
 
@@ -10,13 +11,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axistwin import core, model, readers
+from axistwin import bus, compare, core, model, readers
 from axistwin.cli import main
 from axistwin.commands.emulate import with_model
+from axistwin.contract import load_contract
 from axistwin.core import Axis, Effect, State
-from axistwin.errors import InputError
+from axistwin.errors import CommandRefusedError, InputError
 from axistwin.model import Model
 from axistwin.record import Record, write_csv
+
+from .drive_process import PATIENCE, running_drive
 
 AXIS = Axis(2.7e-5, 8.3e-6, 2.1e-3, 110.0)
 WORN = Model(
@@ -267,8 +271,55 @@ def test_emulate_refuses_what_it_cannot_be() -> None:
         with_model(["--effects"])
     with pytest.raises(InputError, match="rotary one, the model is linear"):
         Model(AXIS, linear=True).emulator_options()
+    with pytest.raises(InputError, match="rotary one, the model is linear"):
+        Model(AXIS, linear=True).commands()
     with pytest.raises(InputError, match="that is of the record"):
         Model(AXIS, (Effect("sample_loss", "record", {"fraction": 0.1}),)).emulator_options()
+
+
+def test_the_wire_numbers_the_catalogue_as_the_core_does() -> None:
+    contract = load_contract()
+    names = [f"{e.effect}_{e.location}_{e.parameter}" for e in core.effect_parameters()]
+    spelled = ["".join(word.capitalize() for word in name.split("_")) for name in names]
+    numbers = range(len(names) + 1)  # the one behind the last has no name
+    named = [contract.name_of("Command", "EffectSelect", number) for number in numbers]
+    assert named == [*spelled, str(len(names))]
+
+
+def test_a_model_sent_to_an_emulated_axis_is_what_it_is_from_then_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model.write(WORN, tmp_path / "worn.toml")
+    line, file = tmp_path / "line", tmp_path / "trace.csv"
+    carrier = ["-i", "slcan", "-c", str(line), *PATIENCE]
+    with running_drive(line, "--bit-rate", "4000000", "--watchdog", "5000"):
+        assert main(["model", "send", str(tmp_path / "worn.toml"), *carrier]) == 0
+        assert "at rest at angle 0" in capsys.readouterr().out
+        assert main(["trace", *carrier, "--excite", "-n", "4000", "-f", str(file)]) == 0
+    record = readers.read_record(file)
+    resolution = 2 * np.pi / 2**20
+    for sent, least, most in ((WORN, 0.0, 2.0), (Model(AXIS), 20.0, np.inf)):
+        errors = compare.compare(sent, record, window=0.05, hold="newmark")
+        assert least < errors[0].rms / resolution < most
+
+
+def test_an_axis_is_not_changed_under_a_torque(tmp_path: Path) -> None:
+    line = tmp_path / "line"
+    arguments = argparse.ArgumentParser()
+    bus.add_arguments(arguments)
+    with (
+        running_drive(line, "--watchdog", "5000"),
+        bus.node_of(arguments.parse_args(["-i", "slcan", "-c", str(line), *PATIENCE])) as node,
+    ):
+        node.connect(5.0, print)
+        node.enable()
+        with pytest.raises(CommandRefusedError, match="AxisRestart: not while operation is enab"):
+            node.restart_axis(WORN)
+        node.disable()
+        node.restart_axis(WORN)
+        stiff = Model(AXIS, (Effect("friction_coulomb", "motor", {"torque": -1.0}),))
+        with pytest.raises(CommandRefusedError, match="AxisRestart: the argument is out of range"):
+            node.restart_axis(stiff)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import can
 import can.cli
@@ -39,6 +39,9 @@ from axistwin.errors import (
 from axistwin.frames import IDENTITY, short
 from axistwin.sharedbus import SharedBus
 from axistwin.waiting import Tell, until_answered
+
+if TYPE_CHECKING:  # takes a second, and most commands need none
+    from axistwin.model import Model
 
 #: A node that has sent no heartbeat for this long is gone, unless told otherwise: it sends one
 #: every 100 ms.
@@ -432,6 +435,16 @@ class Node:
             raise NoAnswerError(f"node {self.id} does not answer the command {name}")
         self._check_result(self._sequence(answers()[0]), name, argument)
         self.streaming = _STREAMING_AFTER.get(name, self.streaming)
+
+    def restart_axis(self, model: Model) -> None:
+        """Has an emulated axis begin anew as that of a model, at rest at angle 0.
+
+        Its numbers travel as float32. Raises InputError for a model that no emulated axis can be,
+        CommandRefusedError where the axis is a real one, the drive enabled, or a number out of
+        range; the axis then goes on as it was.
+        """
+        for name, argument in model.commands():
+            self.command(name, argument)
 
     def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Polls until the condition holds; False when it does not within ``timeout`` [s].

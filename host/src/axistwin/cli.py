@@ -26,6 +26,7 @@ _VERBS = {
     "excite": ("axistwin.commands.excite", "switch the excitation of a node on or off"),
     "demo": ("axistwin.commands.demo", "identify an emulated axis over CAN, from start to figures"),
     "simulate": ("axistwin.commands.simulate", "what a model does under the torque of a record"),
+    "model": ("axistwin.commands.model", "give a model to an emulated axis or to a firmware"),
     "compare": ("axistwin.commands.compare", "how far a model is from a record, nothing fitted"),
     "identify": ("axistwin.commands.identify", "the parameters of the axis from a record"),
 }

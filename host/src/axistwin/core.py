@@ -315,7 +315,54 @@ def check_effects(effects: Sequence[Effect]) -> None:
 
     Whether values are in their ranges shows when they are simulated: some depend on the time step.
     """
-    _effects(_load("float64"), effects)
+    place_effects(effects)
+
+
+def place_effects(
+    effects: Sequence[Effect],
+) -> list[tuple[int, dict[str, EffectParameter]]]:
+    """For each effect, which one of its kind it is at its location, and its parameters' entries.
+
+    Raises as check_effects().
+    """
+    places = _places()
+    count: dict[tuple[str, str], int] = {}
+    found = []
+    for effect in effects:
+        key = (effect.effect, effect.location)
+        if key not in places:
+            raise InputError(_unknown_effect(effect))
+        instance = count.get(key, 0)
+        count[key] = instance + 1
+        for name in effect.params:
+            place = places[key].get(name)
+            if place is None:
+                known = ", ".join(places[key])
+                raise InputError(f"{effect.effect} has no parameter {name!r}; it has {known}")
+            if instance >= place.instances:
+                raise InputError(
+                    f"an axis can have {effect.effect} at {effect.location} "
+                    f"{place.instances} times at most"
+                )
+        found.append((instance, {name: places[key][name] for name in effect.params}))
+    return found
+
+
+def effect_member(entry: EffectParameter, instance: int) -> str:
+    """The member of axt_effects that this parameter is in C, such as ``friction[1].coulomb``."""
+    core = _load("float64")
+    at = (entry.at + instance * entry.stride) * core.real.itemsize
+    member, kind = "", core.ffi.typeof("axt_effects")
+    while kind.kind != "primitive":
+        if kind.kind == "array":
+            kind = kind.item
+            index, at = divmod(at, core.ffi.sizeof(kind))
+            member += f"[{index}]"
+        else:
+            name, found = next(f for f in reversed(kind.fields) if f[1].offset <= at)
+            kind, at = found.type, at - found.offset
+            member += f".{name}"
+    return member.removeprefix(".")
 
 
 def simulate(
@@ -602,25 +649,9 @@ def _resolutions(counts_per_turn: Sequence[int]) -> tuple[int, int]:
 def _effects(core: _Core, effects: Sequence[Effect]) -> npt.NDArray[Any]:
     """The effects as the core keeps them: axt_effects seen as an array of numbers."""
     numbers = np.zeros(core.ffi.sizeof("axt_effects") // core.real.itemsize, core.real)
-    places = _places()
-    count: dict[tuple[str, str], int] = {}
-    for effect in effects:
-        key = (effect.effect, effect.location)
-        if key not in places:
-            raise InputError(_unknown_effect(effect))
-        instance = count.get(key, 0)
-        count[key] = instance + 1
-        for name, value in effect.params.items():
-            place = places[key].get(name)
-            if place is None:
-                known = ", ".join(places[key])
-                raise InputError(f"{effect.effect} has no parameter {name!r}; it has {known}")
-            if instance >= place.instances:
-                raise InputError(
-                    f"an axis can have {effect.effect} at {effect.location} "
-                    f"{place.instances} times at most"
-                )
-            numbers[place.at + instance * place.stride] = value
+    for effect, (instance, entries) in zip(effects, place_effects(effects), strict=True):
+        for name, entry in entries.items():
+            numbers[entry.at + instance * entry.stride] = effect.params[name]
     return numbers
 
 

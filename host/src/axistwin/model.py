@@ -57,7 +57,9 @@ SAMPLE_LOSS = "sample_loss"
 _VIBRATION_STEP_MAX = 0.2
 
 _AXIS = tuple(entry.name for entry in fields(Axis))
-_AXIS_UNITS = {"I1": "kg m2", "I2": "kg m2", "B": "N m s/rad", "K": "N m/rad"}
+
+#: Of the parameters of a rotary axis.
+AXIS_UNITS = {"I1": "kg m2", "I2": "kg m2", "B": "N m s/rad", "K": "N m/rad"}
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,7 @@ class Model:
     @property
     def natural_frequency(self) -> float:
         """Of the shaft, undamped [rad/s]."""
-        return core.modal(self._rotary()[0]).wn
+        return core.modal(self.rotary()[0]).wn
 
     def substeps(self, time_step: float) -> int:
         """Steps from one sample to the next, ``time_step`` [s], that the vibration asks for."""
@@ -186,7 +188,7 @@ class Model:
         one step of Newmark's method (newmark), as the emulated axis at its own rate. Unless given,
         zoh and foh take as many ``substeps`` as the vibration asks for. Raises InputError.
         """
-        axis, effects = self._rotary()
+        axis, effects = self.rotary()
         steps = substeps or (1 if hold == "newmark" else self.substeps(time_step))
         scale = self._angle
         start = state or State()
@@ -206,8 +208,11 @@ class Model:
         """Angle in the core for 1 of the model: a metre is a turn, so that periods are whole."""
         return 2.0 * np.pi if self.linear else 1.0
 
-    def _rotary(self) -> tuple[Axis, tuple[Effect, ...]]:
-        """The same axis in the core's units: force x distance and force / distance are kept."""
+    def rotary(self) -> tuple[Axis, tuple[Effect, ...]]:
+        """The same axis in the core's units, with what is inside it of the effects.
+
+        A metre of a linear axis is a turn in there; force x distance is kept.
+        """
         scale = self._angle
         axis = Axis(*(value / scale**2 for value in astuple(self.axis)))
         units = {
@@ -226,7 +231,7 @@ class Model:
         )
         return axis, effects
 
-    # ---- For the emulator
+    # ---- For an emulated axis
 
     def emulator_options(self) -> list[str]:
         """The options of axistwin-emulator that make its axis this one.
@@ -234,15 +239,35 @@ class Model:
         Raises InputError for a linear axis: the emulated drive turns. Samples are lost on the bus,
         not by a drive, so ``sample_loss`` is refused, too.
         """
-        if self.linear:
-            raise InputError("the emulated axis is a rotary one, the model is linear")
-        if self.sample_loss > 0.0:
-            raise InputError(f"the emulated axis cannot have {SAMPLE_LOSS}: that is of the record")
+        self._check_emulated()
         options = ["--axis", ",".join(map(repr, astuple(self.axis)))]
         for effect in self.effects:
             params = ",".join(f"{name}={value!r}" for name, value in effect.params.items())
             options += ["--effect", f"{effect.effect}:{effect.location}:{params}"]
         return options
+
+    def commands(self) -> list[tuple[str, float]]:
+        """The commands on the bus, each with its argument, that make an emulated axis this one.
+
+        Raises as emulator_options().
+        """
+        self._check_emulated()
+        catalogue = core.effect_parameters()
+        commands = [("EffectsClear", 0.0)]
+        commands += [(f"Axis{name}", getattr(self.axis, name)) for name in _AXIS]
+        places = core.place_effects(self.effects)
+        for effect, (instance, entries) in zip(self.effects, places, strict=True):
+            for name, entry in entries.items():
+                commands.append(("EffectSelect", catalogue.index(entry) | instance << 8))
+                commands.append(("EffectValue", effect.params[name]))
+        return [*commands, ("AxisRestart", 0.0)]
+
+    def _check_emulated(self) -> None:
+        """Raises InputError for a model that no emulated axis can be."""
+        if self.linear:
+            raise InputError("the emulated axis is a rotary one, the model is linear")
+        if self.sample_loss > 0.0:
+            raise InputError(f"the emulated axis cannot have {SAMPLE_LOSS}: that is of the record")
 
 
 def _later(effect: Effect, time: float, grown: Mapping[tuple[str, str], float]) -> Effect:
@@ -366,7 +391,7 @@ def parameter_unit(effect: str, location: str, parameter: str, linear: bool) -> 
 def _lines(model: Model) -> Sequence[str]:
     lines = [f'schema = "{SCHEMA}"', f"linear = {str(model.linear).lower()}", "", "[axis]"]
     for name in _AXIS:
-        unit = _unit(_AXIS_UNITS[name], model.linear)
+        unit = _unit(AXIS_UNITS[name], model.linear)
         lines.append(f"{name} = {float(getattr(model.axis, name))!r} # {unit}")
     for effect in model.effects:
         lines += ["", "[[effects]]", f'effect = "{effect.effect}"']
