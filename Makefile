@@ -176,7 +176,7 @@ SCRIPTS := $(filter-out %.py %.txt,$(wildcard tests/tools/*)) .ci/run
 QUICK   := $(addprefix unit-,gcc-float gcc-double) host-tests \
            $(addprefix lint-,ruff ruff-format mypy clang-format clang-tidy cppcheck shellcheck) \
            wire-page registers-page
-ALL     := $(QUICK) $(filter-out $(QUICK),$(VARIANTS:%=unit-%)) races size installed hil
+ALL     := $(QUICK) $(filter-out $(QUICK),$(VARIANTS:%=unit-%)) races size installed hidden-tests hil
 
 .PHONY: $(ALL)
 
@@ -295,6 +295,19 @@ PACKAGES_proof := frama-c-base gappa
 ## proof     no undefined behaviour, and bounds that last: plant, RLS, codecs, by Frama-C (build/proof.json)
 proof: $(BUILD)/packages-build $(BUILD)/packages-proof $(CONTRACT)/axt_contract.h
 	$(PYTHON) tests/proof/proof.py $(BUILD)/proof.json
+
+# ---- Hidden: effects in records of an independent simulator, to be found ------------------------------
+
+# The simulator is Python that numba compiles; what it compiled is kept.
+HIDDEN := NUMBA_CACHE_DIR=$(BUILD)/numba PYTHONPATH=tests/hidden
+
+$(VENV)/.hidden: tests/tools/constraints.txt | $(VENV)/.host-test
+	$(PIP) numba
+	touch $@
+
+# Not in the way of pytest's default, which lets tests/coverage pass for the package of that name.
+hidden-tests: $(VENV)/.hidden
+	$(HIDDEN) $(PYTEST) --import-mode=importlib -qq --junitxml=$(RESULTS)/$@.xml tests/hidden
 
 # ---- Coverage and mutation: what the unit tests of lib/ see -----------------------------------------
 
