@@ -26,10 +26,11 @@ help:
 # ---- Set-up: once, and again when what it depends on changes ------------------------------------
 
 PACKAGES_build := gcc libc6-dev python3-venv python3-dev iproute2 libmodbus-dev
-PACKAGES_check := clang clang-format clang-tidy cppcheck shellcheck pkg-config
+PACKAGES_check := clang clang-format clang-tidy cppcheck shellcheck pkg-config picolibc-arm-none-eabi
 PACKAGES_hil   := iproute2 can-utils
 PACKAGES_host  := mbpoll
 PACKAGES_size  := gcc-arm-none-eabi gcc-riscv64-unknown-elf
+PACKAGES_firmware := gcc-arm-none-eabi picolibc-arm-none-eabi qemu-system-arm
 
 $(BUILD)/packages-%: Makefile tests/tools/debian-packages
 	mkdir -p $(@D)
@@ -69,12 +70,13 @@ C_FLAGS      := -std=c11 -ffp-contract=off $(CFLAGS) -MMD -MP
 CORE_FLAGS   := $(C_FLAGS) $(WARNINGS) -ffreestanding -Ilib
 CONTRACT     := $(BUILD)/contract
 DRIVER_FLAGS := $(C_FLAGS) $(WARNINGS) -Ilib -Idrivers/can -Idrivers/node -Idrivers/modbus \
-                -I$(CONTRACT)
+                -Idrivers/firmware -I$(CONTRACT)
 
 CORE     := $(basename $(wildcard lib/*.c))
 SERVERS  := $(addprefix drivers/modbus/axt_,modbus_server modbus_tcp modbus_serial register_exchange)
 PORTABLE := $(basename $(wildcard drivers/node/*.c) \
-                       $(filter-out $(SERVERS:%=%.c),$(wildcard drivers/modbus/*.c)))
+                       $(filter-out $(SERVERS:%=%.c),$(wildcard drivers/modbus/*.c))) \
+            $(addprefix drivers/firmware/axt_,uart slcan_uart settings record)
 LINUX    := $(basename $(wildcard drivers/can/*.c drivers/emulator/*.c)) $(SERVERS)
 MAIN     := drivers/emulator/main
 LIBRARIES := -lmodbus -lm
@@ -198,12 +200,17 @@ lint-mypy: $(VENV)/.host-test
 lint-clang-format: $(BUILD)/packages-check
 	clang-format --dry-run -Werror $(C_FILES) $(wildcard tests/proof/*.[ch] tests/fuzz/*.[ch])
 
+# What is for a microcontroller alone is looked at as for one.
 lint-clang-tidy: $(BUILD)/packages-check $(CONTRACT_HEADERS)
-	printf '%s\n' $(filter %.c,$(C_FILES)) | xargs --max-args=4 --max-procs=$$(nproc) sh -c \
+	printf '%s\n' $(filter-out $(PROCESSOR_FILES),$(filter %.c,$(C_FILES))) | \
+	    xargs --max-args=4 --max-procs=$$(nproc) sh -c \
 	    'clang-tidy --quiet "$$@" -- $(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE' sh
+	clang-tidy --quiet $(PROCESSOR_FILES) -- $(DRIVER_FLAGS) -ffreestanding \
+	    --target=thumbv7em-none-eabihf -isystem /usr/lib/picolibc/arm-none-eabi/include
 
 lint-cppcheck: $(BUILD)/packages-check
 	cppcheck --quiet --std=c11 --error-exitcode=1 --inline-suppr --suppress=missingIncludeSystem \
+	    --suppress='unusedStructMember:drivers/firmware/*' \
 	    --enable=warning,style,performance,portability -Ilib -Idrivers/can -Idrivers/node \
 	    -Idrivers/modbus -I$(CONTRACT) lib drivers
 
@@ -266,6 +273,53 @@ install: $(REALS:%=$(BUILD)/gcc-%/libaxistwin.a) $(BUILD)/axistwin-emulator
 ## clean     remove what was built (not .venv)
 clean:
 	rm -rf $(BUILD)
+
+# ---- Firmware: one source, an image for each board (QEMU has them all) -------------------------------
+
+FIRMWARE        := $(BUILD)/firmware
+PROCESSOR_FILES := $(addprefix drivers/firmware/,main.c cortex_m.c cmsdk.c memory.c \
+                     axt_emulated_hardware.c) $(wildcard drivers/firmware/mps2*.c)
+IMAGE_PARTS     := $(CORE) $(PORTABLE) $(addprefix drivers/can/axt_,can slcan slcan_link) \
+                   $(filter-out drivers/firmware/mps2_%,$(PROCESSOR_FILES:%.c=%)) \
+                   $(CONTRACTS:%=contract/%)
+
+# What no option of -O2 does: drop what is not called, and note the stack that functions take.
+IMAGE_FLAGS := -ffreestanding -ffunction-sections -fdata-sections -fstack-usage \
+               --specs=picolibc.specs
+LINK_FLAGS   = --specs=picolibc.specs -nostartfiles -Wl,--gc-sections -Wl,-Map=$(@:.elf=.map) \
+               -Ldrivers/firmware
+
+# $(call image,NAME,BOARD,PROCESSOR)
+define image
+$(FIRMWARE)/$1/%.o: %.c Makefile | $(BUILD)/packages-firmware $(CONTRACT_HEADERS)
+	mkdir -p $$(@D)
+	arm-none-eabi-gcc $$(DRIVER_FLAGS) $(IMAGE_FLAGS) $3 -c $$< -o $$@
+
+$(FIRMWARE)/$1/contract/%.o: $(CONTRACT)/%.c Makefile | $(BUILD)/packages-firmware
+	mkdir -p $$(@D)
+	arm-none-eabi-gcc $$(C_FLAGS) $(IMAGE_FLAGS) $3 -c $$< -o $$@
+
+$(FIRMWARE)/$1.elf: $(IMAGE_PARTS:%=$(FIRMWARE)/$1/%.o) $(FIRMWARE)/$1/drivers/firmware/$2.o \
+		drivers/firmware/sections.ld drivers/firmware/$2.ld
+	arm-none-eabi-gcc $3 $$(LINK_FLAGS) -T $2.ld $$(filter %.o,$$^) -lm -o $$@
+
+-include $(wildcard $(FIRMWARE)/$1/*/*.d $(FIRMWARE)/$1/*/*/*.d)
+endef
+
+# As the targets of tests/tools/size.py.
+IN_ORDER := -fno-schedule-insns
+$(eval $(call image,cortex-m3,mps2_an386,-mcpu=cortex-m3 -mthumb $(IN_ORDER)))
+$(eval $(call image,cortex-m4f,mps2_an386,-mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 \
+    -mfloat-abi=hard $(IN_ORDER)))
+$(eval $(call image,cortex-m7,mps2_an386,-mcpu=cortex-m7 -mthumb -mfpu=fpv5-sp-d16 \
+    -mfloat-abi=hard))
+$(eval $(call image,cortex-m33,mps2_an505,-mcpu=cortex-m33 -mthumb -mfpu=fpv5-sp-d16 \
+    -mfloat-abi=hard $(IN_ORDER)))
+IMAGES := $(patsubst %,$(FIRMWARE)/%.elf,cortex-m3 cortex-m4f cortex-m7 cortex-m33)
+
+.PHONY: firmware
+## firmware  images for Cortex-M3, M4F, M7 and M33 (build/firmware)
+firmware: $(IMAGES)
 
 # ---- Bench: what the core costs and survives, what the bus carries ---------------------------------
 

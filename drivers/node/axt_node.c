@@ -461,10 +461,18 @@ axt_status axt_node_init(axt_node *node, const axt_node_config *config, const ax
 
     const axt_real rated = (axt_real)config->rated_torque * (axt_real)1e-3;
     node->torque_unit = rated * (axt_real)AXT_CONTRACT_MOTOR_TORQUE_SCALE * (axt_real)1e-3;
-    node->state = config->excited ? AXT_CIA402_OPERATION_ENABLED : AXT_CIA402_NOT_READY;
+    const bool faulty = config->error_code != 0;
+    const bool excited = config->excited && !faulty;
+    node->state = excited ? AXT_CIA402_OPERATION_ENABLED : AXT_CIA402_NOT_READY;
+    if (faulty) {
+        node->state = AXT_CIA402_FAULT_REACTION_ACTIVE;
+        node->error_code = config->error_code;
+        node->error_cause = config->error_cause;
+        axt_node_count(&node->faults, 1);
+    }
     node->reported = (uint32_t)node->state | AXT_NODE_VOLTAGE_ENABLED;
     axt_node_publish(&node->status, node->reported);
-    if (config->excited) {
+    if (excited) {
         node->filling = node->excitation;
         node->excitation_state = AXT_NODE_EXCITATION_FILLING;
     }
@@ -480,6 +488,7 @@ axt_status axt_node_init(axt_node *node, const axt_node_config *config, const ax
     }
     const axt_ident_config ident = {
         .form = config->form,
+        .hold = config->hold,
         .time_step = config->control_period,
         .forgetting = config->forgetting,
         .expected = config->expected,

@@ -113,11 +113,14 @@ typedef struct {
     uint32_t rated_torque;       /* [mN m], 1 or more */
     uint32_t counts_per_turn[2]; /* of the encoders at motor and table */
     axt_ident_form form;         /* see axt_ident_config */
+    axt_hold hold;               /* likewise: AXT_HOLD_ZERO where the axis is a real one */
     axt_axis expected;           /* likewise */
     axt_real forgetting;         /* likewise */
     axt_schroeder excitation;    /* settings until a host changes them */
     axt_limits limits;           /* what the axis stands; a host may set less */
     uint16_t host_timeout;       /* longest time to go on without its heartbeat, 1 or more [ms] */
+    uint16_t error_code;         /* ErrorCode of the fault to start in, 0: none */
+    int32_t error_cause;         /* its Cause */
     bool excited;        /* operation enabled and excitation on from the start, by no host */
     bool streaming;      /* live stream on from the start */
     axt_real *table;     /* for one period of the excitation */
