@@ -30,4 +30,6 @@ const axt_hardware axt_hardware_here = {
     .apply_torque = axt_emulated_axis_apply_torque,
     .read_encoders = axt_emulated_axis_read_encoders,
     .shut_off = shut_off,
+    .axis_command = axt_emulated_axis_command,
+    .restart_axis = axt_emulated_axis_restart,
 };

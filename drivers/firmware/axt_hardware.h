@@ -7,7 +7,7 @@
 #ifndef AXT_HARDWARE_H
 #define AXT_HARDWARE_H
 
-#include "axt_regressor.h"
+#include "axt_node.h"
 #include "axt_status.h"
 
 /* What the drive is built of, and what is known of its axis. */
@@ -36,6 +36,10 @@ typedef struct {
     /* No torque, whatever state everything is in: called when a fault has stopped the firmware, on
      * a small stack and with nothing to rely on but the hardware's own registers. */
     void (*shut_off)(void *axis);
+
+    /* Of an emulated axis, NULL where it is a real one; see axt_node_port. */
+    axt_node_result (*axis_command)(void *axis, const struct axt_contract_command_t *command);
+    void (*restart_axis)(void *axis);
 } axt_hardware;
 
 /* The hardware that this firmware is linked with. */

@@ -132,6 +132,8 @@ static axt_status open_node(const axt_settings *settings, const axt_fault *fault
         .axis = hardware->axis,
         .apply_torque = hardware->apply_torque,
         .read_encoders = hardware->read_encoders,
+        .axis_command = hardware->axis_command,
+        .restart_axis = hardware->restart_axis,
     };
     const axt_status status = hardware->start(hardware->axis);
     return (status == AXT_OK) ? axt_node_init(&node, &config, &port) : status;
