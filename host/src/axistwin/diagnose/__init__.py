@@ -1,0 +1,63 @@
+"""What a simulation gets wrong, and why: the causes in a record, named and measured.
+
+The method is told in docs/diagnosis.md. The modules: ``intake`` looks whether a record can answer,
+``windows`` cuts it, ``linear`` is the axis that answers any torque, ``effects`` what each effect of
+the catalogue adds, ``fit`` adjusts all their parameters, ``search`` decides which effects there
+are, ``answer`` puts it into numbers, ``report`` into words and figures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from axistwin.diagnose import answer, search, windows
+from axistwin.diagnose.fit import Fit
+from axistwin.diagnose.linear import Plant, Rigid, TwoInertias
+from axistwin.diagnose.result import Diagnosis
+from axistwin.identify import output_error, rigid
+from axistwin.identify.samples import Hold, longest_stretch
+from axistwin.record import Record
+
+Progress = Callable[[str], None]
+
+#: Samples that a first guess of the axis is made from.
+_START_SAMPLES = 20_000
+
+
+def diagnose(
+    record: Record,
+    *,
+    hold: Hold = "zoh",
+    window: float = windows.WINDOW,
+    progress: Progress = lambda _: None,
+) -> Diagnosis:
+    """Name what moves the axis of a record beyond the model of Eq. 3, or beyond a rigid axis.
+
+    ``hold`` is what the torque does between samples, ``window`` [s] the length of a simulation.
+    Raises NotEnoughDataError when the record cannot answer, InputError when it cannot be right.
+    """
+    cut = windows.cut(record, window)
+    progress("looking for the axis")
+    base = search.begin(Fit(cut, hold, _start(record, progress)))
+    found = search.extend(base, progress)
+    progress("final fit")
+    return answer.of(record, found)
+
+
+def _start(record: Record, progress: Progress) -> Plant:
+    """The first guess of the axis: two inertias with both encoders, else one."""
+    samples = longest_stretch(record)
+    if samples.theta2 is None:
+        found = rigid.identify(record, samples).estimate.params
+        return Rigid(found["I"].value, max(found["viscous"].value, 0.0))
+    first = slice(_START_SAMPLES)
+    part = replace(
+        samples,
+        torque=samples.torque[first],
+        theta1=samples.theta1[first],
+        theta2=samples.theta2[first],
+        omega1=None,
+        omega2=None,
+    )
+    return TwoInertias(output_error.find_start(part, progress))

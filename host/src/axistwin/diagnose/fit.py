@@ -257,6 +257,12 @@ class Fit:
         """Weighted errors (w, c l), measured less simulated."""
         return self.project(self.measured - self.simulate(motion)[0])
 
+    def simulation_error(self, motion: Motion) -> Array:
+        """Measured less simulated angles (c, w, l), each window from the state that suits it."""
+        states = self.states(self.measured - self.simulate(motion)[0])
+        error: Array = self.measured - self.simulate(motion, states)[0]
+        return error
+
     def sensitivity(self, motion: Motion) -> Array:
         """Derivatives (w, k, c l) of the simulation by the unknowns, weighted and projected."""
         base, _ = self.simulate(motion)

@@ -55,6 +55,9 @@ _PERIODS_MAX = 360.0
 #: How often a moment is looked for closer to the best one.
 _LEVELS = 3
 
+#: Mean square of an error, in units of the noise, that leaves the plant where it should be.
+_NEARLY_RIGHT = 2.0
+
 #: Gauss-Newton steps that adjust a shape alone.
 _STEPS = 4
 
@@ -305,24 +308,33 @@ def begin(fit: Fit) -> State:
     found = tuple(Found(kind, np.zeros(1), ()) for kind in dragging)
     state = State.of(replace(fit, found=found))
     state = State.of(state.fit.with_noise(state.motion), state.motion)
-    return State.as_is(replace(state.fit, found=()), state.motion)
+    without = State.as_is(replace(state.fit, found=()), state.motion)
+    adjusted = State.of(without.fit, without.motion)
+    return adjusted if adjusted.scale < _NEARLY_RIGHT else without
 
 
-def extend(base: State, progress: Progress) -> tuple[list[State], list[Trial]]:
-    """Add effects one at a time while held-out data say so.
+@dataclass(frozen=True)
+class Search:
+    """The states on the way, the first without effects, and what was tried on each."""
 
-    The states on the way, ``base`` first, and the trials of the last round: what was not named.
-    """
+    states: tuple[State, ...]
+    trials: tuple[tuple[Trial, ...], ...]
+
+
+def extend(base: State, progress: Progress) -> Search:
+    """Add effects one at a time while held-out data say so."""
     states = [base]
+    tried: list[tuple[Trial, ...]] = []
     while True:
         state = states[-1]
         trials = Trials(state.fit, state.motion).run(_left(state.fit), progress)
+        tried.append(tuple(trials))
         good = [trial for trial in trials if significant(trial, state.scale)]
         if not good or len(state.fit.found) == EFFECTS_MAX:
-            return states, trials
+            return Search(tuple(states), tuple(tried))
         better = _best(state, good, progress)
         if better is None:
-            return states, trials
+            return Search(tuple(states), tuple(tried))
         states.append(better)
 
 

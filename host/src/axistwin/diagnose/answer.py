@@ -1,0 +1,393 @@
+"""The answer in numbers: parameters with intervals, gains, errors, and the evidence for them.
+
+Which effects there are has been decided on held-out windows, and the errors are those of them. For
+the parameters of the answer all windows are then fitted, so that nothing of the record is wasted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+import scipy.signal
+import scipy.stats
+
+from axistwin.core import Array, Axis, Effect
+from axistwin.diagnose.effects import Found, Push
+from axistwin.diagnose.linear import TwoInertias
+from axistwin.diagnose.result import (
+    Autocorrelation,
+    Considered,
+    Contribution,
+    Diagnosis,
+    ErrorSummary,
+    Evidence,
+    Finding,
+    Residual,
+    Shown,
+    Signals,
+    Track,
+)
+from axistwin.diagnose.search import Search, State, Trial
+from axistwin.identify.result import Quantity, quantity, unit
+from axistwin.model import SAMPLE_LOSS, Model
+from axistwin.record import Record
+
+#: What is left has a mean square this many times that of the noise, at least: then there is more.
+UNEXPLAINED = 1.1
+
+#: A trial that gained this share of what the one taken did could pass for it.
+_ALIKE = 0.8
+
+#: Missing samples that are worth a finding.
+_LOST_MIN = 10
+
+#: Rounding of an encoder this many times its other noise is what limits it.
+_COARSE = 1.0
+
+#: Lags of the autocorrelations, and parts of the record for the course of the parameters.
+_LAGS = 100
+_PARTS = 8
+
+_PLACES = ("motor", "table")
+
+
+def of(record: Record, search: Search) -> Diagnosis:
+    """The diagnosis of a record from what was found in it."""
+    return _Answer(record, search).diagnosis()
+
+
+class _Answer:
+    def __init__(self, record: Record, search: Search) -> None:
+        self._record, self._search = record, search
+        self._base, self._last = search.states[0], search.states[-1]
+        windows = replace(
+            self._last.fit.windows, held_out=np.zeros(self._last.fit.windows.count, np.bool_)
+        )
+        # The last word on the parameters: fitted to everything.
+        self._final = State.of(replace(self._last.fit, windows=windows), self._last.motion)
+
+    def diagnosis(self) -> Diagnosis:
+        """All of it."""
+        fit, record = self._final.fit, self._record
+        findings = (*self._findings(), *self._of_the_record())
+        axis = self._quantities(self._final)
+        return Diagnosis(
+            record=record,
+            base=self._quantities(self._base),
+            base_valid=all(axis[name].determined for name in axis if name not in ("B", "viscous")),
+            axis=axis,
+            findings=findings,
+            considered=self._considered(),
+            unexplained=self._unexplained(),
+            error=self._error(),
+            model=self._model(findings),
+            hold=fit.hold,
+            window=fit.windows.length * record.time_step,
+            evidence=self._evidence(),
+        )
+
+    # ---- Parameters and their intervals
+
+    @cached_property
+    def _spread(self) -> Array:
+        return covariance(self._final)
+
+    def _quantities(self, state: State) -> dict[str, Quantity]:
+        spread = self._spread if state is self._final else covariance(state)
+        errors = np.sqrt(np.diag(spread))
+        factor = _factor(state)
+        return {
+            name: quantity(name, float(value), float(error), factor, self._record.linear)
+            for name, value, error in zip(
+                state.fit.plant.names, state.fit.plant.values, errors, strict=False
+            )
+        }
+
+    def _findings(self) -> list[Finding]:
+        states, whole = self._search.states, _held_out(self._base)
+        at = len(self._final.fit.values) - sum(len(one.values) for one in self._final.fit.found)
+        findings = []
+        for i, found in enumerate(self._final.fit.found):
+            k = len(found.values)
+            spread = self._spread[at : at + k, at : at + k]
+            gain = (_held_out(states[i]) - _held_out(states[i + 1])) / whole
+            findings.append(
+                Finding(
+                    found.kind.effect,
+                    found.kind.location,
+                    found.params,
+                    _intervals(found, spread, _factor(self._final)),
+                    gain,
+                )
+            )
+            at += k
+        return findings
+
+    def _of_the_record(self) -> list[Finding]:
+        """What the encoders and the wire do, which no simulation shows."""
+        record, found = self._record, []
+        lost, n = len(record.missing), len(record)
+        if lost >= _LOST_MIN:
+            ends = scipy.stats.binomtest(lost, n).proportion_ci(method="wilson")
+            fraction = {"fraction": lost / n}
+            interval = {"fraction": (float(ends.low), float(ends.high))}
+            found.append(Finding(SAMPLE_LOSS, "record", fraction, interval, 0.0))
+        return found
+
+    def _model(self, findings: tuple[Finding, ...]) -> Model:
+        plant = self._final.fit.plant
+        if isinstance(plant, TwoInertias):
+            effects = [Effect(one.effect, one.location, dict(one.params)) for one in findings]
+            return Model(plant.axis, tuple(effects), self._record.linear)
+        inertia, viscous = plant.values.tolist()
+        effects = [Effect(one.effect, one.location, dict(one.params)) for one in findings]
+        effects.insert(0, Effect("friction_viscous", "motor", {"coefficient": viscous}))
+        return Model(stiff(inertia, self._record.time_step), tuple(effects), self._record.linear)
+
+    # ---- What else was considered
+
+    def _considered(self) -> tuple[Considered, ...]:
+        """Everything that was not named, with the best reason not to."""
+        whole = _held_out(self._base)
+        named = [one.kind for one in self._last.fit.found]
+        entries: dict[str, Considered] = {}
+        for trial in self._search.trials[-1]:
+            kind = trial.found.kind
+            if kind not in named:
+                gain = trial.total / whole
+                entries[kind.name] = Considered(kind.effect, kind.location, gain, "no")
+        for i, winner in enumerate(self._last.fit.found):
+            trials = self._search.trials[i]
+            most = next((t.gain for t in trials if t.found.kind == winner.kind), 0.0)
+            for trial in trials:
+                kind = trial.found.kind
+                if kind not in named and trial.gain > _ALIKE * most > 0.0:
+                    gain = entries[kind.name].gain if kind.name in entries else 0.0
+                    verdict = f"look-alike of {winner.kind.effect} at {winner.kind.location}"
+                    entries[kind.name] = Considered(kind.effect, kind.location, gain, verdict)
+        return tuple(sorted(entries.values(), key=lambda one: -one.gain))
+
+    # ---- Errors
+
+    def _unexplained(self) -> bool:
+        held_out = self._last.fit.windows.held_out
+        count = self._last.fit.windows.channels * self._last.fit.windows.length
+        return float(np.mean(self._last.errors[held_out])) / count > UNEXPLAINED
+
+    def _error(self) -> ErrorSummary:
+        floor = self._last.fit.noise
+        return ErrorSummary(
+            "held-out rms simulation error of theta1",
+            unit("angle", self._record.linear),
+            _rms(self._base),
+            _rms(self._last),
+            float("nan") if floor is None else float(floor[0]),
+        )
+
+    # ---- Evidence
+
+    def _evidence(self) -> Evidence:
+        fit, motion = self._final.fit, self._final.motion
+        two = fit.windows.channels == 2
+        signals = Signals(
+            time=motion.time.ravel(),
+            torque=motion.command().ravel(),
+            theta1=motion.angle[0].ravel(),
+            omega1=motion.speed[0].ravel(),
+            theta2=motion.angle[1].ravel() if two else None,
+            omega2=motion.speed[1].ravel() if two else None,
+            twist=motion.twist.ravel() if two else None,
+        )
+        pushes = [one.push(motion, fit.plant) for one in fit.found]
+        after = self._residuals()
+        before = {name: values.copy() for name, values in after.items()}
+        contributions = []
+        for push in pushes:
+            parts = _by_place(push)
+            for name, values in parts.items():
+                before[name] += values
+            place = max(parts, key=lambda name: float(np.sum(parts[name] ** 2)))
+            contributions.append(Contribution(place, parts[place].ravel()))
+        residuals = {name: Residual(before[name].ravel(), after[name].ravel()) for name in after}
+        return Evidence(
+            signals,
+            residuals,
+            tuple(contributions),
+            self._shown(),
+            self._whiteness(),
+            self._tracks(),
+        )
+
+    def _residuals(self) -> dict[str, Array]:
+        """Torque (w, l) that the model lacks at each place (Eq. 18 of the smoothed error), and the
+        angle that it lacks at each encoder."""
+        fit, motion = self._final.fit, self._final.motion
+        error = fit.simulation_error(motion)
+        order = [
+            scipy.signal.savgol_filter(
+                error, fit.smoothing, 3, deriv=k, delta=fit.windows.time_step, axis=2
+            )
+            for k in range(3)
+        ]
+        found = {f"encoder{i + 1}": order[0][i] for i in range(fit.windows.channels)}
+        plant = fit.plant
+        if isinstance(plant, TwoInertias):
+            axis = plant.axis
+            shaft = axis.B * (order[1][0] - order[1][1]) + axis.K * (order[0][0] - order[0][1])
+            found["motor"] = axis.I1 * order[2][0] + shaft
+            found["table"] = axis.I2 * order[2][1] - shaft
+        else:
+            inertia, viscous = plant.values
+            found["motor"] = inertia * order[2][0] + viscous * order[1][0]
+        return found
+
+    def _shown(self) -> tuple[Shown, ...]:
+        windows = self._last.fit.windows
+        before = self._base.fit.simulation_error(self._base.motion)
+        after = self._last.fit.simulation_error(self._last.motion)
+        return tuple(
+            Shown(
+                f"theta{channel + 1}",
+                windows.time,
+                windows.angles[channel],
+                windows.angles[channel] - before[channel],
+                windows.angles[channel] - after[channel],
+                windows.held_out,
+            )
+            for channel in range(windows.channels)
+        )
+
+    def _whiteness(self) -> tuple[Autocorrelation, ...]:
+        windows = self._last.fit.windows
+        before = self._base.fit.simulation_error(self._base.motion)[:, windows.held_out]
+        after = self._last.fit.simulation_error(self._last.motion)[:, windows.held_out]
+        count = min(_LAGS, windows.length // 2)
+        lag = windows.time_step * np.arange(count)
+        band = 1.96 / np.sqrt(before[0].size)
+        return tuple(
+            Autocorrelation(
+                f"theta{i + 1}",
+                lag,
+                _autocorrelation(before[i], count),
+                _autocorrelation(after[i], count),
+                float(band),
+            )
+            for i in range(windows.channels)
+        )
+
+    def _tracks(self) -> tuple[Track, ...]:
+        """The axis in parts of the record, effects and all else as they are."""
+        state = self._final
+        fit, k = state.fit, len(state.fit.plant.names)
+        columns = fit.sensitivity(state.motion)[:, :k]
+        residual = fit.residual(state.motion)
+        groups = np.array_split(np.arange(fit.windows.count), min(_PARTS, fit.windows.count // 3))
+        values, errors, times = [], [], []
+        for group in groups:
+            gram = np.einsum("wan,wbn->ab", columns[group], columns[group], optimize=True)
+            right = np.einsum("wan,wn->a", columns[group], residual[group], optimize=True)
+            inverse = np.linalg.pinv(gram, hermitian=True)
+            values.append(fit.plant.values + inverse @ right)
+            errors.append(np.sqrt(np.maximum(np.diag(inverse), 0.0) * state.scale))
+            times.append(float(np.mean(fit.windows.time[group])))
+        return tuple(
+            Track(
+                name,
+                unit(name, self._record.linear),
+                np.array(times),
+                np.array(values)[:, i],
+                np.array(errors)[:, i],
+            )
+            for i, name in enumerate(fit.plant.names)
+        )
+
+
+def covariance(state: State) -> Array:
+    """Of the unknowns of a fit (k, k).
+
+    Errors may be correlated within a window but not from one to the next, so the scores of the
+    windows tell their spread (Liang and Zeger 1986); white noise is the least that is assumed.
+    """
+    columns = state.fit.sensitivity(state.motion)
+    residual = state.fit.residual(state.motion)
+    count, k = columns.shape[:2]
+    gram = np.einsum("wan,wbn->ab", columns, columns, optimize=True)
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-11, hermitian=True)
+    inverse /= np.outer(size, size)
+    scores = np.einsum("wan,wn->wa", columns, residual, optimize=True)
+    clustered = inverse @ (scores.T @ scores) @ inverse * (count / max(count - k, 1))
+    white = inverse * state.scale
+    more = np.sqrt(np.maximum(np.diag(white), 1e-300) / np.maximum(np.diag(clustered), 1e-300))
+    more = np.maximum(more, 1.0)
+    spread: Array = clustered * np.outer(more, more)
+    return spread
+
+
+def stiff(inertia: float, time_step: float) -> Axis:
+    """A rigid axis as two inertias: the second a millionth, on a shaft that is stiff and damped.
+
+    The shaft is as stiff as steps of the record can simulate.
+    """
+    small = 1e-6 * inertia
+    wn = 0.2 / time_step
+    return Axis(inertia, small, small * wn, small * wn**2)
+
+
+def _factor(state: State) -> float:
+    """Half a 95 % interval in standard errors."""
+    freedom = max(len(state.errors) - len(state.fit.values), 3)
+    return float(scipy.stats.t.ppf(0.975, freedom))
+
+
+def _intervals(found: Found, spread: Array, factor: float) -> Mapping[str, tuple[float, float]]:
+    """95 % intervals of the public parameters, by the delta method."""
+    middle, intervals = found.params, {}
+    sizes = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    slopes: dict[str, Array] = {name: np.zeros(len(found.values)) for name in middle}
+    for i, size in enumerate(sizes):
+        step = np.zeros(len(sizes))
+        step[i] = 1e-3 * size if size > 0.0 else 1e-9
+        moved = found.with_values(found.values + step).params
+        for name in middle:
+            slopes[name][i] = (moved[name] - middle[name]) / step[i]
+    for name, slope in slopes.items():
+        half = factor * float(np.sqrt(max(slope @ spread @ slope, 0.0)))
+        intervals[name] = (middle[name] - half, middle[name] + half)
+    return intervals
+
+
+def _held_out(state: State) -> float:
+    return float(np.sum(state.errors[state.fit.windows.held_out]))
+
+
+def _rms(state: State) -> float:
+    """Of the held-out error of theta1, corrected for the initial states that were fitted."""
+    windows = state.fit.windows
+    error = state.fit.simulation_error(state.motion)[0, windows.held_out]
+    free = (state.fit.plant.free(windows.time_step, 2).shape[0]) / windows.channels
+    return float(np.sqrt(np.sum(error**2) / (error.size - free * len(error))))
+
+
+def _autocorrelation(error: Array, count: int) -> Array:
+    """Over windows (w, l), at lags 0 to count - 1."""
+    length = error.shape[1]
+    spectrum = np.abs(np.fft.rfft(error, 2 * length, axis=1)) ** 2
+    summed = np.sum(np.fft.irfft(spectrum, axis=1), axis=0)[:count]
+    values: Array = summed / max(float(summed[0]), 1e-300)
+    return values
+
+
+def _by_place(push: Push) -> dict[str, Array]:
+    """What a push adds to each residual."""
+    parts = {}
+    for name in ("motor", "table", "encoder1", "encoder2"):
+        values = getattr(push, name)
+        if values is not None:
+            parts[name] = values
+    if push.command is not None:
+        parts["motor"] = parts.get("motor", 0.0) + np.mean(push.command, axis=0)
+    return parts
