@@ -154,7 +154,11 @@ class Track:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a sceptic looks at: ``residuals`` by place, a Contribution for each finding, in order."""
+    """What a sceptic looks at: ``residuals`` by place, and ``contributions`` of the findings.
+
+    The findings that act along the motion come first, each with its Contribution; those of the
+    record, such as lost samples, have none.
+    """
 
     signals: Signals
     residuals: Mapping[str, Residual]
