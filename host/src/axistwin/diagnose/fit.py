@@ -32,7 +32,13 @@ _DEGREE = 3
 #: A speed this many times its noise has a known sign.
 _KNOWN_SIGN = 2.0
 
+#: Smoothed errors up to this many times what noise leaves are noise.
+_SURELY_NOISE = 1.2
+
 _HALVINGS = 6
+
+#: A parameter of the plant changes by this factor at most in a step.
+_FACTOR = 2.0
 
 
 @dataclass(frozen=True)
@@ -162,8 +168,10 @@ class Fit:
         angles, speeds = self.simulate(before, states)
         error = self.measured - angles
 
+        trust = self._trust(error)
+
         def smoothed(order: int) -> Array:
-            values: Array = scipy.signal.savgol_filter(
+            values: Array = trust * scipy.signal.savgol_filter(
                 error, count, _DEGREE, deriv=order, delta=windows.time_step, axis=2
             )
             return values
@@ -222,6 +230,20 @@ class Fit:
             load=load,
             creep=creep,
         )
+
+    def _trust(self, error: Array) -> Array:
+        """How much of the smoothed error (c, w, l) is motion that the simulation lacks, by channel.
+
+        The rest is noise; taken for motion, it would explain itself.
+        """
+        if self.noise is None:
+            return np.ones((len(error), 1, 1))
+        kept = np.linalg.norm(scipy.signal.savgol_coeffs(self.smoothing, _DEGREE))
+        smooth = scipy.signal.savgol_filter(error, self.smoothing, _DEGREE, axis=2)
+        power = np.mean(smooth**2, axis=(1, 2))
+        motion = np.maximum(power - (_SURELY_NOISE * kept * self.noise) ** 2, 0.0)
+        trust: Array = (motion / np.maximum(power, 1e-300))[:, None, None]
+        return trust
 
     # ---- Fitting
 
@@ -346,9 +368,9 @@ class Fit:
         for halving in range(_HALVINGS):
             moved = values + step * 0.5**halving
             k = len(self.plant.names)
-            lowest = 1e-3 * self.plant.values
-            lowest[2 if isinstance(self.plant, TwoInertias) else 1] = 0.0
-            moved[:k] = np.maximum(moved[:k], lowest)
+            sizes = np.array([self._size(i) for i in range(k)])
+            lowest = np.where(self.plant.values < sizes, 0.0, sizes / _FACTOR)
+            moved[:k] = np.clip(moved[:k], lowest, sizes * _FACTOR)
             try:
                 fit = self.with_values(moved)
                 after = fit.misfit(fit.residual(motion))

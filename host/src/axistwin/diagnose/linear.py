@@ -33,8 +33,17 @@ class Torque:
 class Plant(Protocol):
     """A linear axis with ``values`` (k,), the parameters ``names``; c channels and places."""
 
-    names: tuple[str, ...]
-    values: Array
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the parameters."""
+
+    @property
+    def inertial(self) -> tuple[int, ...]:
+        """Which of them are inertia or stiffness."""
+
+    @property
+    def values(self) -> Array:
+        """The parameters (k,)."""
 
     def with_values(self, values: Array) -> Plant:
         """The same kind of axis with other parameters (k,)."""
@@ -57,6 +66,7 @@ class TwoInertias:
 
     axis: Axis
     names = ("I1", "I2", "B", "K")
+    inertial = (0, 1, 3)
 
     @property
     def values(self) -> Array:
@@ -104,6 +114,7 @@ class Rigid:
     inertia: float
     viscous: float
     names = ("I", "viscous")
+    inertial = (0,)
 
     @property
     def values(self) -> Array:

@@ -58,6 +58,9 @@ _LEVELS = 3
 #: Mean square of an error, in units of the noise, that leaves the plant where it should be.
 _NEARLY_RIGHT = 2.0
 
+#: Inertia or stiffness that has changed by more than this factor's logarithm was dragged.
+_STRAYED = 0.3
+
 #: Gauss-Newton steps that adjust a shape alone.
 _STEPS = 4
 
@@ -296,21 +299,29 @@ class State:
         )
 
 
-def begin(fit: Fit) -> State:
+def begin(start: Fit) -> State:
     """A plant that is near enough for effects to be told, without any.
 
-    Friction and load drag both angles away from a plant that has none, and would drag the
-    parameters of the plant along: while these are adjusted, there is some of both.
+    Friction and load drag both angles away from a plant that has none: while its parameters are
+    adjusted there is some of both. Where even so the error is far from noise, something else
+    drags; then the parameters stay where the start, which looks at fast motion only, had them.
     """
     dragging = (
-        (Coulomb(), Viscous(), Offset()) if fit.windows.channels == 2 else (Coulomb(), Offset())
+        (Coulomb(), Viscous(), Offset()) if start.windows.channels == 2 else (Coulomb(), Offset())
     )
     found = tuple(Found(kind, np.zeros(1), ()) for kind in dragging)
-    state = State.of(replace(fit, found=found))
+    state = State.of(replace(start, found=found))
     state = State.of(state.fit.with_noise(state.motion), state.motion)
-    without = State.as_is(replace(state.fit, found=()), state.motion)
-    adjusted = State.of(without.fit, without.motion)
-    return adjusted if adjusted.scale < _NEARLY_RIGHT else without
+    if state.scale < _NEARLY_RIGHT:
+        without = State.as_is(replace(state.fit, found=()), state.motion)
+        adjusted = State.of(without.fit, without.motion)
+        if adjusted.scale < _NEARLY_RIGHT:
+            return adjusted
+    ratio = state.fit.plant.values / start.plant.values
+    if np.all(np.abs(np.log(ratio[list(state.fit.plant.inertial)])) < _STRAYED):
+        start = replace(state.fit, found=())
+    start = start.with_noise(start.motion(None))
+    return State.as_is(start, start.motion(None))
 
 
 @dataclass(frozen=True)
