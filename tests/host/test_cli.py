@@ -37,7 +37,7 @@ def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None
 
 
 @pytest.mark.parametrize(
-    "verb", ["log", "trace", "excite", "simulate", "compare", "identify", "demo"]
+    "verb", ["log", "trace", "excite", "simulate", "compare", "identify", "diagnose", "demo"]
 )
 def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:

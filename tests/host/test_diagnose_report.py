@@ -83,7 +83,7 @@ def test_causes_are_named_with_numbers_and_what_to_do() -> None:
     assert re.search(r"phase +39\.5° +37\.8 \.\. 41\.3°$", text, re.MULTILINE)
     assert "Next: Compensate: feed 30.02 mN m forward" in text
     assert "Next: Compensate: subtract 10.10 mN m at 12 a turn" in text
-    assert "Not named, look-alike of friction_viscous at motor: a delay of the torque." in text
+    assert "Not named, look-alike of viscous friction at the motor: a delay of the torque." in text
     assert text.endswith("Note: one line that has to be known")
     assert max(map(len, text.splitlines())) <= 100
 
@@ -277,7 +277,7 @@ def test_the_page_says_what_the_terminal_says() -> None:
         words.verdict(diagnosis),
         words.paragraph(diagnosis),
         "29.60 .. 30.40 mN m",
-        "look-alike of friction_viscous at motor",
+        "look-alike of viscous friction at the motor",
         "one line that has to be known",
     ):
         assert part in text

@@ -29,6 +29,7 @@ _VERBS = {
     "model": ("axistwin.commands.model", "give a model to an emulated axis or to a firmware"),
     "compare": ("axistwin.commands.compare", "how far a model is from a record, nothing fitted"),
     "identify": ("axistwin.commands.identify", "the parameters of the axis from a record"),
+    "diagnose": ("axistwin.commands.diagnose", "what a simulation of a record gets wrong, and why"),
 }
 
 # A parser that takes nothing for an option: everything, --help too, is for the emulator itself.
@@ -41,7 +42,7 @@ def make_parser(verb: str | None) -> argparse.ArgumentParser:
     """The parser of the whole command line, with the arguments of one verb."""
     parser = argparse.ArgumentParser(
         prog="axistwin",
-        description="A digital twin of a servo axis: log it, identify it, compare it.",
+        description="A digital twin of a servo axis: log it, identify it, find what is wrong.",
         epilog="exit status: 0 fine, 1 finding or failed check, 2 usage, 3 bus or file, "
         "4 not enough data",
     )

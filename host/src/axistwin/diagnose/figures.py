@@ -11,7 +11,7 @@ from axistwin.core import Array
 from axistwin.diagnose import drawing, words
 from axistwin.diagnose.panels import CLOUD, CLOUD_AFTER, COLOURS, STYLE, Panel, axes
 from axistwin.diagnose.result import Autocorrelation, Diagnosis, Shown, Track
-from axistwin.diagnose.signatures import RESIDUAL, place_unit
+from axistwin.diagnose.signatures import place_unit
 from axistwin.identify.result import unit
 from axistwin.identify.statistics import confidence_factor
 
@@ -157,7 +157,7 @@ def residuals(diagnosis: Diagnosis, place: str) -> list[Panel]:
     factor, prefixed = drawing.scale(residual.before, place_unit(place, linear))
     before, after = factor * residual.before, factor * residual.after
     shown = drawing.limits(before)
-    label = f"{RESIDUAL[place]} [{prefixed}]"
+    label = f"residual [{prefixed}]"
     with matplotlib.rc_context(STYLE):
         panels = []
         for name, x in _abscissae(diagnosis, place):
@@ -167,9 +167,7 @@ def residuals(diagnosis: Diagnosis, place: str) -> list[Panel]:
             plot.set_xlim(drawing.limits(x))
             plot.set_ylim(shown)
             panels.append(Panel(figure, ""))
-        figure, plot = axes(
-            "Against frequency", "frequency [Hz]", f"{RESIDUAL[place]} [{prefixed}/√Hz]"
-        )
+        figure, plot = axes("Against frequency", "frequency [Hz]", f"residual [{prefixed}/√Hz]")
         for key, values in (("before", before), ("after", after)):
             frequency, density = drawing.spectrum(signals.time, values)
             plot.loglog(frequency, density, color=COLOURS[key], lw=1.1, label=_MODELS[key])

@@ -9,7 +9,7 @@ from pathlib import Path
 from axistwin import __version__
 from axistwin.diagnose import figures, signatures, words
 from axistwin.diagnose.panels import COLOURS, Panel, svg
-from axistwin.diagnose.result import Considered, Diagnosis, ErrorSummary
+from axistwin.diagnose.result import Considered, Diagnosis, ErrorSummary, Evidence
 from axistwin.identify.result import Quantity
 from axistwin.output import atomic_write
 
@@ -199,7 +199,7 @@ def _residuals(diagnosis: Diagnosis, page: _Page) -> list[str]:
         "<p class=key><span class=cloud></span> without any effect "
         "<span class='cloud after'></span> with all that were named</p>"
     ]
-    for place in diagnosis.evidence.residuals:
+    for place in _places(diagnosis.evidence):
         lines.append(f"<h3>{escape(words.title(signatures.RESIDUAL[place]))}</h3>")
         lines += page.figures(figures.residuals(diagnosis, place), "small panels")
     return _section(
@@ -209,6 +209,14 @@ def _residuals(diagnosis: Diagnosis, page: _Page) -> list[str]:
         "an effect; a shape in the blue one would be an effect that was missed.",
         lines,
     )
+
+
+def _places(evidence: Evidence) -> list[str]:
+    """Where torque may be lacking, then the encoders that something was found at."""
+    found = {one.place for one in evidence.contributions}
+    torques = [place for place in ("motor", "table") if place in evidence.residuals]
+    encoders = [place for place in ("encoder1", "encoder2") if place in found]
+    return [*torques, *encoders]
 
 
 def _whiteness(diagnosis: Diagnosis, page: _Page) -> list[str]:
@@ -254,7 +262,8 @@ def _considered(diagnosis: Diagnosis) -> list[str]:
     rows = [
         f"<tr><th scope=row>{escape(words.title(words.what(one.effect)))}</th>"
         f"<td>{escape(words.where(one.location))}</td>"
-        f"<td class=number>{words.percent(one.gain)}</td><td>{escape(one.verdict)}</td></tr>"
+        f"<td class=number>{words.percent(one.gain)}</td>"
+        f"<td>{escape(words.reason(one.verdict))}</td></tr>"
         for one in ordered
     ]
     return _section(

@@ -276,12 +276,20 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     return steps + [f"Measure again: {line}" for line in diagnosis.advice]
 
 
+def reason(verdict: str) -> str:
+    """Why an effect was not named, with the names that people use."""
+    effect, at, location = verdict.removeprefix(_LOOK_ALIKE).partition(" at ")
+    if verdict.startswith(_LOOK_ALIKE) and at and effect in _EFFECTS and location in _PLACES:
+        return f"{_LOOK_ALIKE}{cause(effect, location)}"
+    return verdict
+
+
 def rejected(diagnosis: Diagnosis) -> dict[str, list[Considered]]:
     """What was considered and not named, by the reason why, other than a plain no."""
     reasons: dict[str, list[Considered]] = {}
     for one in diagnosis.considered:
         if one.verdict != "no":
-            reasons.setdefault(one.verdict, []).append(one)
+            reasons.setdefault(reason(one.verdict), []).append(one)
     return reasons
 
 
@@ -293,6 +301,9 @@ def _step(finding: Finding, linear: bool) -> str:
     channel = {"encoder1": "theta1", "encoder2": "theta2"}.get(place, "")
     return template.format(place=where(place), channel=channel, **numbers)
 
+
+#: How the verdict on an effect begins that another one can pass for.
+_LOOK_ALIKE = "look-alike of "
 
 #: What to do about an effect.
 _STEPS = {
