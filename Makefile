@@ -363,6 +363,15 @@ $(VENV)/.hidden: tests/tools/constraints.txt | $(VENV)/.host-test
 hidden-tests: $(VENV)/.hidden
 	$(HIDDEN) $(PYTEST) --import-mode=importlib -qq --junitxml=$(RESULTS)/$@.xml tests/hidden
 
+N ?= 500
+
+.PHONY: hidden
+## hidden    N= records with effects that have to be found, new ones unless SEED= (build/hidden.json)
+hidden: $(VENV)/.hidden
+	$(HIDDEN) $(VENV)/bin/python tests/hidden/hidden.py run --count $(N) \
+	    $(if $(filter-out file,$(origin SEED)),--seed $(SEED)) --output $(BUILD)/hidden.json \
+	    --figure $(BUILD)/hidden-confusion.png
+
 # ---- Coverage and mutation: what the unit tests of lib/ see -----------------------------------------
 
 PACKAGES_coverage := clang-19 llvm-19 libclang-rt-19-dev libmodbus-dev

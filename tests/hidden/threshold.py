@@ -2,11 +2,12 @@
 
 The unit is what an ideal observer would need. He knows the record's noise, the shape of the effect
 and of everything that could be taken for it, and looks at windows of half a second whose initial
-states are free. Whatever the parameters of Eq. 3 and the zero of encoder 2 could imitate is of no
-use to him, nor what another effect that can pass for this one could imitate (the same effect at
-the other places, other kinds of friction, another periodic effect), nor what the second hidden
-effect of the record could. What then remains of the noise-free change of both encoders' signals
-that the effect makes, r, has the signal-to-noise ratio
+states are free. What the parameters of Eq. 3 and the zero of encoder 2 could imitate is of no use
+to him, nor is what the second hidden effect of the record could, nor what another effect could that
+can pass for this one: the same effect at the other places, other kinds of friction, another effect
+of that period; of an effect that is not in the catalogue all its kin together. Of the noise-free
+change r of both encoders' signals that the effect makes, what then remains has the signal-to-noise
+ratio
 
     sqrt(sum (r1 / sigma1)^2 + sum (r2 / sigma2)^2)
 
@@ -28,7 +29,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg
-from catalogue import Hidden
+from catalogue import UNKNOWN, Hidden
 from truth import Array, Run, Truth, compiled, simulate
 
 WINDOW = 0.5  # [s]
@@ -165,15 +166,39 @@ class _Windows:
             return [[self._late(place)] for place in sorted(places)]
         if name in ("torque_ripple", "lead_error", "encoder_eccentricity"):
             return self._periodic(effect)
+        if name in UNKNOWN:
+            return [self._kin(effect)]
         return []
 
+    def _acting(self, motor: Array | None, table: Array | None) -> Array:
+        """What torques (n,) at motor and table would do that change from sample to sample."""
+        means = [
+            np.zeros(len(self._command)) if t is None else 0.5 * (t + np.append(t[1:], t[-1]))
+            for t in (motor, table)
+        ]
+        return self._signal(self._linear(self._truth, (means[0], means[1])))
+
     def _at(self, place: int, torque: Array) -> Array:
-        """What a torque (n,) at motor (0) or table (1) would do."""
-        mean = 0.5 * (torque + np.append(torque[1:], torque[-1]))
-        nothing = np.zeros_like(mean)
-        return self._signal(
-            self._linear(self._truth, (nothing, mean) if place else (mean, nothing))
-        )
+        return self._acting(None, torque) if place else self._acting(torque, None)
+
+    def _kin(self, effect: Hidden) -> list[Array]:
+        """All that an effect without a name may be taken for; see score.KIN."""
+        if effect.effect == "torque_fall":
+            excess = [
+                np.clip(self._command, -limit, limit) - self._command
+                for limit in np.max(np.abs(self._command)) * np.array([0.5, 0.7, 0.85])
+            ]
+            nothing = np.zeros_like(self._command)
+            return [self._signal(self._linear(self._truth, (e, nothing))) for e in excess]
+        if effect.effect == "hysteresis":
+            twist = self._states[:, 0] - self._states[:, 1]
+            shapes = [twist**3, np.sign(twist)]
+            return [self._acting(-shape, shape) for shape in shapes]
+        place = 0 if effect.location == "motor" else 1
+        speed = self._states[:, 2 + place]
+        near = [np.exp(-((speed / (share * np.std(speed))) ** 2)) for share in (0.1, 0.3)]
+        shapes = [np.sign(speed), speed, *(np.sign(speed) * level for level in near)]
+        return [self._at(place, shape) for shape in shapes]
 
     def _frictions(self, effect: Hidden) -> list[list[Array]]:
         found = []

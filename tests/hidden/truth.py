@@ -17,6 +17,8 @@ What was decided where the physics leaves a choice:
 * shaft damping acts in contact only, and then also while it pulls;
 * the further inertia comes on top of I2; its frequency and damping ratio are those of it alone with
   the table held;
+* phases are told in the angle of the axis, in which a relaxed shaft has no twist, not in that of
+  an encoder that was mounted anywhere;
 * noise comes before the rounding to counts.
 """
 
@@ -64,12 +66,12 @@ class Wave(NamedTuple):
 
 
 class Encoder(NamedTuple):
-    """What an encoder does to an angle, in this order: late, moved, in error, noisy, in counts."""
+    """What an encoder does to an angle, in this order: late, in error, moved, noisy, in counts."""
 
     delay: float = 0.0  # [s]
-    zero: float = 0.0  # [rad] what it reads at angle 0
-    once: Wave = Wave()  # eccentricity [rad], in its angle
-    lead: Wave = Wave()  # lead error [rad], in its angle
+    once: Wave = Wave()  # eccentricity [rad], in the angle of the axis
+    lead: Wave = Wave()  # lead error [rad], likewise
+    zero: float = 0.0  # [rad] where it was mounted
     counts: float = 0.0  # a turn, 0: not rounded
 
 
@@ -366,8 +368,7 @@ def _advance(
 @compiled
 def _shown(encoder: Encoder, angle: float) -> float:
     """What the encoder would show without noise and rounding."""
-    seen = angle + encoder.zero
-    return seen + _wave(encoder.once, seen) + _wave(encoder.lead, seen)
+    return angle + _wave(encoder.once, angle) + _wave(encoder.lead, angle) + encoder.zero
 
 
 @compiled
