@@ -141,6 +141,9 @@ $(foreach real,$(REALS),\
     $(eval $(call variant,clang-$(real),$(CLANG),check,-DAXT_REAL=$(real)))\
     $(eval $(call variant,sanitized-$(real),$(GCC),build,-DAXT_REAL=$(real) $(SANITIZE))))
 
+# Multiplies and adds as a Cortex-M4F does, in one rounding.
+$(eval $(call variant,fused,$(GCC),build,-DAXT_REAL=float -DAXT_FUSED=1))
+
 # The node hands over between two threads without a lock: a data race is a failure.
 $(eval $(call variant,racing,$(GCC),build,-fsanitize=thread))
 
@@ -187,6 +190,9 @@ host-tests: $(VENV)/.host-test $(EMULATORS) $(RTU_NODE) | $(BUILD)/packages-host
 
 hil: $(VENV)/.host-test $(EMULATORS) | $(BUILD)/packages-hil
 	tests/tools/with-vcan $(PYTEST) -qq --junitxml=$(RESULTS)/$@.xml tests/hil
+
+firmware-tests: $(VENV)/.host-test firmware $(BUILD)/fused/axistwin-emulator
+	$(PYTEST) -qq --junitxml=$(RESULTS)/$@.xml tests/firmware
 
 lint-ruff: $(VENV)/.host-test
 	$(VENV)/bin/ruff check --quiet $(PY_CODE)

@@ -12,7 +12,7 @@
 
 enum {
     TABLE_SIZE = 4096, /* samples of an excitation's period */
-    TRACE_SIZE = 2048,
+    TRACE_SIZE = 8192,
     RING_SIZE = 1024, /* 1 s of live stream at 1 kHz while the bus is busy */
     HISTORY_SIZE = 512,
     CAN_OUTPUT = 2048, /* bytes on their way out of a UART; powers of two */

@@ -105,6 +105,8 @@ _FAULTS = {
     "HostHeartbeatLost": "it has not heard this host for too long",
     "SpeedLimitExceeded": "the axis is faster than its speed limit",
     "TravelLimitExceeded": "the axis has left its travel range",
+    "WatchdogReset": "its firmware hung, and its watchdog has started it anew",
+    "InternalSoftware": "its firmware went wrong, and has started anew",
 }
 
 Sink = Callable[[can.Message], object]
