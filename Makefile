@@ -433,6 +433,8 @@ fuzz: $(FUZZERS)
 # ---- Paper: the source paper reproduced, corrected and carried on ---------------------------------
 
 .PHONY: paper
-## paper     every table and figure of the source paper beside ours (build/paper), and docs/*.md that quote them
+## paper     every table and figure of the source paper beside ours (build/paper), the example of a
+##           diagnosis (build/diagnosis), and docs/*.md that quote them
 paper: $(VENV)/.host
 	$(VENV)/bin/python -m axistwin.paper --output $(BUILD)/paper --docs docs
+	$(VENV)/bin/python -m axistwin.diagnose.example --build $(BUILD)

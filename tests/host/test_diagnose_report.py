@@ -150,6 +150,13 @@ def test_a_share_shows_how_far_it_is_from_none_and_all(share: float, text: str) 
     assert words.percent(share) == text
 
 
+def test_what_a_cause_explains_is_of_what_those_before_it_leave() -> None:
+    diagnosis = examples.found()
+    first, second = words.explained(diagnosis)
+    assert first == pytest.approx(0.86)
+    assert (1.0 - first) * (1.0 - second) == pytest.approx(1.0 - 0.998)
+
+
 # ---- What every effect of the catalogue needs
 
 

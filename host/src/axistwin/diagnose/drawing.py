@@ -68,16 +68,18 @@ def limits(*clouds: Array) -> tuple[float, float]:
 def means(axes: Axes, x: Array, y: Array) -> None:
     """Means of a cloud (n,) in bins, with twice their standard errors.
 
-    Neighbouring samples are not independent: the error counts those that are, by the correlation
-    between neighbours.
+    Neighbouring samples are not independent: an error counts as many of them as are, by the
+    correlation between neighbours of what is left about the means.
     """
-    at, mean, error = [], [], []
-    for chosen in _bins(x, _MEANS):
-        inside = y[chosen]
-        at.append(float(np.mean(x[chosen])))
-        mean.append(float(np.mean(inside)))
-        error.append(2.0 * float(np.std(inside)) * np.sqrt(_alike(y) / len(inside)))
-    points(axes, np.array(at), np.array(mean), np.array(error))
+    bins = _bins(x, _MEANS)
+    mean = np.array([float(np.mean(y[chosen])) for chosen in bins])
+    rest = y.copy()
+    for chosen, middle in zip(bins, mean, strict=True):
+        rest[chosen] -= middle
+    alike = _alike(rest)
+    spread = np.array([float(np.std(y[chosen])) / np.sqrt(len(chosen)) for chosen in bins])
+    at = np.array([float(np.mean(x[chosen])) for chosen in bins])
+    points(axes, at, mean, 2.0 * np.sqrt(alike) * spread)
 
 
 def points(axes: Axes, x: Array, y: Array, error: Array) -> None:

@@ -103,7 +103,7 @@ def _named(diagnosis: Diagnosis) -> list[str]:
     if not diagnosis.findings:
         return []
     rows = []
-    for finding in diagnosis.findings:
+    for finding, share in zip(diagnosis.findings, words.explained(diagnosis), strict=True):
         numbers = [
             words.parameter(finding, name, diagnosis.record.linear) for name in finding.params
         ]
@@ -112,7 +112,7 @@ def _named(diagnosis: Diagnosis) -> list[str]:
             f"<th scope=row{span}>{escape(words.title(words.what(finding.effect)))}</th>",
             f"<td{span}>{escape(words.where(finding.location))}</td>",
         ]
-        gain = f"<td class=number{span}>{words.percent(finding.gain)}</td>"
+        gain = f"<td class=number{span}>{words.percent(share)}</td>"
         for name, number in zip(finding.params, numbers, strict=True):
             interval = words.joined(number.interval, number.unit) if number.interval else "–"
             cells += [
@@ -126,8 +126,8 @@ def _named(diagnosis: Diagnosis) -> list[str]:
     head = ("Cause", "Where", "Parameter", "Value", "95 % interval", "Explains")
     return [
         *_table(head, rows),
-        "<p class=note>Explains: the share of the squared simulation error of the base model that "
-        "goes away with it, on windows that no fit has seen, after the causes above it.</p>",
+        "<p class=note>Explains: the share that it takes away of the squared simulation error that "
+        "the causes above it leave, on windows that no fit has seen.</p>",
     ]
 
 

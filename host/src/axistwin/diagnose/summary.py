@@ -43,11 +43,11 @@ def _table(diagnosis: Diagnosis) -> Iterator[str]:
     if not diagnosis.findings:
         return
     rows = [("cause", "where", "parameter", "value", "95 % interval", "explains")]
-    for finding in diagnosis.findings:
+    for finding, share in zip(diagnosis.findings, words.explained(diagnosis), strict=True):
         first = (
             words.title(words.what(finding.effect)),
             words.where(finding.location),
-            words.percent(finding.gain),
+            words.percent(share),
         )
         for name in finding.params:
             number = words.parameter(finding, name, diagnosis.record.linear)
@@ -55,6 +55,8 @@ def _table(diagnosis: Diagnosis) -> Iterator[str]:
             rows.append((*first[:2], name.replace("_", " "), number.with_unit, interval, first[2]))
             first = ("", "", "")
     yield from _columns(rows)
+    if len(diagnosis.findings) > 1:
+        yield "explains: of the squared error on unseen windows that the causes above it leave"
 
 
 def _columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:

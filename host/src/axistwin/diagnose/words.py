@@ -204,6 +204,15 @@ def record_line(diagnosis: Diagnosis) -> str:
     )
 
 
+def explained(diagnosis: Diagnosis) -> list[float]:
+    """The share that each finding removes of the squared error that those before it leave."""
+    left, shares = 1.0, []
+    for finding in diagnosis.findings:
+        shares.append(finding.gain / left if left > 0.0 else math.nan)
+        left -= finding.gain
+    return shares
+
+
 def verdict(diagnosis: Diagnosis) -> str:
     """The answer in a few words."""
     if diagnosis.healthy:
