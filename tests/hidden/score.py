@@ -8,7 +8,8 @@ names stand for one thing, whichever of them is answered, because no record can 
 * a lead error of one period a turn and an eccentricity of encoder 2: the same formula.
 
 Where nothing is hidden, nothing may be named and nothing called unexplained. A truth that is not in
-the catalogue has to be called unexplained; besides, only its nearest kin may be named.
+the catalogue has to be called unexplained; besides, only its nearest kin may be named. The place of
+the kin is not asked for: what tells the places apart is less than what stays unexplained.
 
 An interval counts when its effect is right. Of a phase it is taken modulo a turn, and an amplitude
 below zero is one above zero half a period later. What is given without an interval (an interval
@@ -25,7 +26,7 @@ import numpy as np
 
 Named = tuple[str, str]
 
-#: What a truth without a name may be taken for, beside being unexplained; at its own place.
+#: What a truth without a name may be taken for, beside being unexplained.
 KIN: dict[str, tuple[str, ...]] = {
     "lugre": ("friction_coulomb", "friction_viscous", "friction_stribeck"),
     "square_drag": ("friction_coulomb", "friction_viscous", "friction_stribeck"),
@@ -80,8 +81,8 @@ def judge(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> Verdict:
 def _judge_unknown(
     effect: Mapping[str, Any], findings: Sequence[Mapping[str, Any]], unexplained: bool
 ) -> Verdict:
-    kin = {(name, effect["location"]) for name in KIN[effect["effect"]]}
-    accused = tuple(_name(f) for f in findings if _name(f) not in kin)
+    kin = KIN[effect["effect"]]
+    accused = tuple(_name(f) for f in findings if f["effect"] not in kin)
     return Verdict(
         right=unexplained and not accused,
         named=(),

@@ -65,7 +65,7 @@ def answer(
         (truth("unknown", ("lugre", "table", {})), answer(unexplained=True), True),
         (truth("unknown", ("lugre", "table", {})), answer(FRICTION, unexplained=True), True),
         (truth("unknown", ("lugre", "table", {})), answer(FRICTION), False),
-        (truth("unknown", ("lugre", "motor", {})), answer(FRICTION, unexplained=True), False),
+        (truth("unknown", ("lugre", "table", {})), answer(RIPPLE, unexplained=True), False),
         (truth("unknown", ("lugre", "table", {})), answer(), False),
     ],
 )
