@@ -7,7 +7,7 @@ sizes then follow by least squares.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,11 @@ Shape = tuple[float, ...]
 
 #: Moments at which the load may have changed that are tried first.
 _MOMENTS = 64
+
+#: A change of speed by this share of what matters is fine enough; otherwise a step is divided into
+#: so many parts.
+_FINE = 0.25
+_PARTS = 32
 
 #: Places of a torque, and channels.
 MOTOR, TABLE = 0, 1
@@ -138,7 +143,7 @@ class Coulomb(Kind):
     effect = "friction_coulomb"
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
-        return [_at(self.place, -_direction(motion, self.place))]
+        return [_at(self.place, -_dry(motion, self.place, np.ones_like, np.inf))]
 
     def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
         return {"torque": float(sizes[0])}
@@ -168,8 +173,11 @@ class Stribeck(Kind):
         return [(share * typical,) for share in (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)]
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
-        falling = np.exp(-((motion.speed[self.place] / shape[0]) ** 2))
-        return [_at(self.place, -_direction(motion, self.place) * falling)]
+        def falling(speed: Array) -> Array:
+            share: Array = np.exp(-((speed / shape[0]) ** 2))
+            return share
+
+        return [_at(self.place, -_dry(motion, self.place, falling, abs(shape[0])))]
 
     def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
         return {"torque": float(sizes[0]), "speed": abs(shape[0])}
@@ -210,26 +218,38 @@ class Offset(Kind):
         return {"torque": float(sizes[0])}
 
 
-def _direction(motion: Motion, place: int) -> Array:
-    """The sign of the speed (w, l), as dry friction has it.
+def _dry(motion: Motion, place: int, share: Callable[[Array], Array], width: float) -> Array:
+    """The sign of the speed times ``share`` of it (w, l), as dry friction has it.
 
-    Where the speed changes its sign between two samples, these share the torque so that its area
-    and its moment are right. Where the axis sticks, friction is what it takes to hold the load.
+    Where the speed reverses, or changes by more than a part of ``width``, between two samples, these
+    share the torque in between so that its area and its moment are right. Where the axis sticks,
+    friction is what it takes to hold the load.
     """
     speed = motion.speed[place]
-    sign = np.sign(speed)
-    before, after = sign[:, :-1], sign[:, 1:]
-    turned = before * after < 0.0
-    change = speed[:, :-1] - speed[:, 1:]
-    when = np.where(turned, speed[:, :-1] / np.where(turned, change, 1.0), 1.0)
-    direction = sign.copy()
-    direction[:, 1:-1] = 0.0
-    earlier = before * np.where(turned, 2.0 * when - when**2 - 0.5, 0.5)
-    later = np.where(turned, before * (when**2 - 0.5), 0.5 * after)
-    direction[:, 1:-1] += earlier[:, 1:] + later[:, :-1]
+    values = np.sign(speed) * share(speed)
+    first, last = speed[:, :-1], speed[:, 1:]
+    fast = (first * last < 0.0) | (
+        (np.abs(last - first) > _FINE * width)
+        & (np.minimum(np.abs(first), np.abs(last)) < 3.0 * width)
+    )
+    window, sample = np.nonzero(fast)
+    if len(window) > 0:
+        at = (np.arange(_PARTS) + 0.5) / _PARTS
+        start, change = first[fast][:, None], (last - first)[fast][:, None]
+        between = start + change * at
+        inside = np.sign(between) * share(between)
+        straight = (
+            values[window, sample][:, None] * (1.0 - at) + values[window, sample + 1][:, None] * at
+        )
+        missing = inside - straight
+        moved = np.zeros_like(values)
+        np.add.at(moved, (window, sample), np.mean(missing * (1.0 - at), axis=1))
+        np.add.at(moved, (window, sample + 1), np.mean(missing * at, axis=1))
+        moved[:, 1:-1] -= np.diff(moved, 2, axis=1) / 12.0  # hats overlap: so much flatter they are
+        values = values + moved
     stuck = (np.abs(speed) < motion.creep[place]) & (motion.grip[place] > 0.0)
     grip = np.where(stuck, motion.grip[place], 1.0)
-    return np.where(stuck, np.clip(motion.load[place] / grip, -1.0, 1.0), direction)
+    return np.where(stuck, np.clip(motion.load[place] / grip, -1.0, 1.0) * share(speed), values)
 
 
 # ---- What is periodic: two sizes, of sine and cosine
@@ -489,7 +509,12 @@ class Saturation(Kind):
     def shapes(self, motion: Motion) -> Sequence[Shape]:
         size = np.abs(motion.torque)
         levels = np.quantile(size, (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.998))
-        return [(float(level),) for level in np.unique(levels) if level > 0.0]
+        near = np.array([0.7, 0.8, 0.9, 0.95, 0.98, 0.995]) * float(np.max(size))
+        return [(float(level),) for level in np.unique([*levels, *near]) if level > 0.0]
+
+    def possible(self, motion: Motion, shape: Shape) -> bool:
+        """The command has to go beyond the limit."""
+        return 0.0 < abs(shape[0]) < float(np.max(np.abs(motion.torque)))
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
         command = motion.command()

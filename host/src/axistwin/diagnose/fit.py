@@ -337,7 +337,7 @@ class Fit:
         return float(values[i])
 
     def adjust(
-        self, before: Motion | None = None, rounds: int = 8, tolerance: float = 1e-4
+        self, before: Motion | None = None, rounds: int = 16, tolerance: float = 1e-4
     ) -> tuple[Fit, Motion]:
         """The best unknowns near the present ones, and the motion along which effects act then.
 

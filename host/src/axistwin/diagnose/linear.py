@@ -26,8 +26,15 @@ class Torque:
 
     @classmethod
     def smooth(cls, values: Array) -> Torque:
-        """Straight from sample to sample."""
-        return cls(values, np.concatenate([values[:, :, 1:], values[:, :, -1:]], axis=2))
+        """A smooth course through values (c, w, l) at the samples.
+
+        Straight lines between samples carry less of what is fast: of an oscillation of x radians a
+        sample the share (sin(x/2) / (x/2))^2, about 1 - x^2 / 12. The second difference, about
+        -x^2, makes up for that.
+        """
+        bent = values.copy()
+        bent[:, :, 1:-1] -= np.diff(values, 2, axis=2) / 12.0
+        return cls(bent, np.concatenate([bent[:, :, 1:], bent[:, :, -1:]], axis=2))
 
 
 class Plant(Protocol):

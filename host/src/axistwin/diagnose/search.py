@@ -38,6 +38,9 @@ EFFECTS_MAX = 4
 GAIN_MIN = 30.0
 HELD_OUT_MIN = 10.0
 
+#: What held-out windows that hold little but noise have to gain when they do not agree.
+ALONE_MIN = 100.0
+
 #: Of the best trials, so many are fitted in full, if they gain this share of what the best does.
 CONTENDERS = 5
 CONTENDER = 0.3
@@ -246,12 +249,17 @@ class Trials:
 
 
 def significant(trial: Trial, scale: float) -> bool:
-    """Whether an effect helps beyond chance; ``scale`` is the squared error expected of a sample."""
+    """Whether an effect helps beyond chance; ``scale`` is the mean square of an error, 1 for noise.
+
+    The windows have to agree on it, each on its own scale. Where hardly anything but noise is left,
+    its distribution is known, and what a single window gains can be enough.
+    """
     unknowns = max(trial.found.kind.sizes, 1) + len(trial.found.shape)
+    agreed = trial.t > T_MIN or (scale < _NEARLY_RIGHT and trial.total > ALONE_MIN * scale)
     return (
         trial.gain > (GAIN_MIN + 4.0 * unknowns) * scale
         and trial.total > HELD_OUT_MIN * scale
-        and trial.t > T_MIN
+        and agreed
     )
 
 
