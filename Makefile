@@ -171,6 +171,59 @@ $(RTU_NODE): tests/host/modbus_rtu_node.c $(BUILD)/sanitized-float/libdrivers.a 
 		$(BUILD)/sanitized-float/libaxistwin.a
 	$(GCC) $(DRIVER_FLAGS) -Itests/unit -D_GNU_SOURCE $(SANITIZE) $^ $(LIBRARIES) -o $@
 
+# ---- Firmware: one source, an image for each board (QEMU has them all) -------------------------------
+
+FIRMWARE        := $(BUILD)/firmware
+PROCESSOR_FILES := $(addprefix drivers/firmware/,main.c cortex_m.c cmsdk.c memory.c \
+                     axt_emulated_hardware.c) $(wildcard drivers/firmware/mps2*.c)
+IMAGE_PARTS     := $(CORE) $(PORTABLE) $(addprefix drivers/can/axt_,can slcan slcan_link) \
+                   $(filter-out drivers/firmware/mps2_%,$(PROCESSOR_FILES:%.c=%)) \
+                   $(CONTRACTS:%=contract/%)
+
+# What no option of -O2 does: drop what is not called, and note the stack that functions take.
+IMAGE_FLAGS := -ffreestanding -ffunction-sections -fdata-sections -fstack-usage \
+               --specs=picolibc.specs
+LINK_FLAGS   = --specs=picolibc.specs -nostartfiles -Wl,--gc-sections -Wl,-Map=$(@:.elf=.map) \
+               -Ldrivers/firmware
+
+# $(call image,NAME,BOARD,PROCESSOR)
+define image
+$(FIRMWARE)/$1/%.o: %.c Makefile | $(BUILD)/packages-firmware $(CONTRACT_HEADERS)
+	mkdir -p $$(@D)
+	arm-none-eabi-gcc $$(DRIVER_FLAGS) $(IMAGE_FLAGS) $3 -c $$< -o $$@
+
+$(FIRMWARE)/$1/contract/%.o: $(CONTRACT)/%.c Makefile | $(BUILD)/packages-firmware
+	mkdir -p $$(@D)
+	arm-none-eabi-gcc $$(C_FLAGS) $(IMAGE_FLAGS) $3 -c $$< -o $$@
+
+$(FIRMWARE)/$1.elf: $(IMAGE_PARTS:%=$(FIRMWARE)/$1/%.o) $(FIRMWARE)/$1/drivers/firmware/$2.o \
+		drivers/firmware/sections.ld drivers/firmware/$2.ld
+	arm-none-eabi-gcc $3 $$(LINK_FLAGS) -T $2.ld $$(filter %.o,$$^) -lm -o $$@
+
+-include $(wildcard $(FIRMWARE)/$1/*/*.d $(FIRMWARE)/$1/*/*/*.d)
+endef
+
+# As the targets of tests/tools/size.py.
+IN_ORDER := -fno-schedule-insns
+$(eval $(call image,cortex-m3,mps2_an386,-mcpu=cortex-m3 -mthumb $(IN_ORDER)))
+$(eval $(call image,cortex-m4f,mps2_an386,-mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 \
+    -mfloat-abi=hard $(IN_ORDER)))
+$(eval $(call image,cortex-m7,mps2_an386,-mcpu=cortex-m7 -mthumb -mfpu=fpv5-sp-d16 \
+    -mfloat-abi=hard))
+$(eval $(call image,cortex-m33,mps2_an505,-mcpu=cortex-m33 -mthumb -mfpu=fpv5-sp-d16 \
+    -mfloat-abi=hard $(IN_ORDER)))
+IMAGES := $(patsubst %,$(FIRMWARE)/%.elf,cortex-m3 cortex-m4f cortex-m7 cortex-m33)
+
+measure-firmware = PYTHONPATH=tests $(VENV)/bin/python tests/firmware/measure.py $(BUILD)/firmware.json
+
+.PHONY: firmware README.md
+## firmware  images for Cortex-M3, M4F, M7 and M33 (build/firmware), their size and speed (build/firmware.json)
+firmware: $(IMAGES) $(VENV)/.host
+	$(measure-firmware)
+
+README.md: $(IMAGES) $(VENV)/.host
+	$(measure-firmware) --page $@
+
 # ---- Suites: each a target of its own; tests/tools/suites.py runs them and counts ----------------
 
 RESULTS := $(BUILD)/results
@@ -191,7 +244,7 @@ host-tests: $(VENV)/.host-test $(EMULATORS) $(RTU_NODE) | $(BUILD)/packages-host
 hil: $(VENV)/.host-test $(EMULATORS) | $(BUILD)/packages-hil
 	tests/tools/with-vcan $(PYTEST) -qq --junitxml=$(RESULTS)/$@.xml tests/hil
 
-firmware-tests: $(VENV)/.host-test firmware $(BUILD)/fused/axistwin-emulator
+firmware-tests: $(VENV)/.host-test $(IMAGES) $(BUILD)/fused/axistwin-emulator
 	$(PYTEST) -qq --junitxml=$(RESULTS)/$@.xml tests/firmware
 
 lint-ruff: $(VENV)/.host-test
@@ -228,6 +281,9 @@ wire-page: $(VENV)/.build-tools
 
 registers-page: $(VENV)/.build-tools
 	$(VENV)/bin/python drivers/contract/generate_registers.py --check docs/registers.md
+
+firmware-page: $(IMAGES) $(VENV)/.host
+	$(measure-firmware) --check README.md
 
 installed: $(BUILD)/packages-check
 	$(MAKE) install DESTDIR= PREFIX=$(abspath $(BUILD)/installed)
@@ -279,53 +335,6 @@ install: $(REALS:%=$(BUILD)/gcc-%/libaxistwin.a) $(BUILD)/axistwin-emulator
 ## clean     remove what was built (not .venv)
 clean:
 	rm -rf $(BUILD)
-
-# ---- Firmware: one source, an image for each board (QEMU has them all) -------------------------------
-
-FIRMWARE        := $(BUILD)/firmware
-PROCESSOR_FILES := $(addprefix drivers/firmware/,main.c cortex_m.c cmsdk.c memory.c \
-                     axt_emulated_hardware.c) $(wildcard drivers/firmware/mps2*.c)
-IMAGE_PARTS     := $(CORE) $(PORTABLE) $(addprefix drivers/can/axt_,can slcan slcan_link) \
-                   $(filter-out drivers/firmware/mps2_%,$(PROCESSOR_FILES:%.c=%)) \
-                   $(CONTRACTS:%=contract/%)
-
-# What no option of -O2 does: drop what is not called, and note the stack that functions take.
-IMAGE_FLAGS := -ffreestanding -ffunction-sections -fdata-sections -fstack-usage \
-               --specs=picolibc.specs
-LINK_FLAGS   = --specs=picolibc.specs -nostartfiles -Wl,--gc-sections -Wl,-Map=$(@:.elf=.map) \
-               -Ldrivers/firmware
-
-# $(call image,NAME,BOARD,PROCESSOR)
-define image
-$(FIRMWARE)/$1/%.o: %.c Makefile | $(BUILD)/packages-firmware $(CONTRACT_HEADERS)
-	mkdir -p $$(@D)
-	arm-none-eabi-gcc $$(DRIVER_FLAGS) $(IMAGE_FLAGS) $3 -c $$< -o $$@
-
-$(FIRMWARE)/$1/contract/%.o: $(CONTRACT)/%.c Makefile | $(BUILD)/packages-firmware
-	mkdir -p $$(@D)
-	arm-none-eabi-gcc $$(C_FLAGS) $(IMAGE_FLAGS) $3 -c $$< -o $$@
-
-$(FIRMWARE)/$1.elf: $(IMAGE_PARTS:%=$(FIRMWARE)/$1/%.o) $(FIRMWARE)/$1/drivers/firmware/$2.o \
-		drivers/firmware/sections.ld drivers/firmware/$2.ld
-	arm-none-eabi-gcc $3 $$(LINK_FLAGS) -T $2.ld $$(filter %.o,$$^) -lm -o $$@
-
--include $(wildcard $(FIRMWARE)/$1/*/*.d $(FIRMWARE)/$1/*/*/*.d)
-endef
-
-# As the targets of tests/tools/size.py.
-IN_ORDER := -fno-schedule-insns
-$(eval $(call image,cortex-m3,mps2_an386,-mcpu=cortex-m3 -mthumb $(IN_ORDER)))
-$(eval $(call image,cortex-m4f,mps2_an386,-mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 \
-    -mfloat-abi=hard $(IN_ORDER)))
-$(eval $(call image,cortex-m7,mps2_an386,-mcpu=cortex-m7 -mthumb -mfpu=fpv5-sp-d16 \
-    -mfloat-abi=hard))
-$(eval $(call image,cortex-m33,mps2_an505,-mcpu=cortex-m33 -mthumb -mfpu=fpv5-sp-d16 \
-    -mfloat-abi=hard $(IN_ORDER)))
-IMAGES := $(patsubst %,$(FIRMWARE)/%.elf,cortex-m3 cortex-m4f cortex-m7 cortex-m33)
-
-.PHONY: firmware
-## firmware  images for Cortex-M3, M4F, M7 and M33 (build/firmware)
-firmware: $(IMAGES)
 
 # ---- Bench: what the core costs and survives, what the bus carries ---------------------------------
 

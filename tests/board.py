@@ -24,7 +24,7 @@ IMAGES = REPOSITORY / "build" / "firmware"
 #: it runs slower, its clock included, and nothing in it is late for that.
 STEADY = "shift=4,align=on"
 #: Without floating point in the processor 10 kHz take more instructions than that.
-SOFT = "shift=2,align=on"
+SOFT = "shift=1,align=on"
 
 #: By image: the machine, where its page of settings is (its linker script), and how its
 #: instructions are counted.
