@@ -91,9 +91,30 @@ def test_rounded_time_stamps_are_an_even_grid() -> None:
 def test_an_uneven_time_base_is_resampled_with_a_warning() -> None:
     time = np.cumsum(np.tile([0.010, 0.012], 300))
     record = from_samples(time, {"torque": np.sin(time), "theta1": time}, source="made here")
-    assert any("uneven" in warning for warning in record.warnings)
+    (warning,) = record.warnings
+    met = sum(np.min(np.abs(time - at)) < 1e-9 for at in record.time)
+    assert "uneven (steps of 0.01 to 0.012 s): resampled every" in warning
+    assert f"{len(record) - met} of {len(record)} samples are interpolated" in warning
     assert record.theta1 == pytest.approx(record.time, abs=1e-12)
     assert record.torque == pytest.approx(np.sin(record.time), abs=2e-5)
+
+
+@pytest.mark.parametrize("samples_jitter", [False, True])
+def test_the_motion_says_whether_samples_or_only_their_stamps_jitter(samples_jitter: bool) -> None:
+    even = 1e-3 * np.arange(3000.0)
+    stamps = even + np.random.default_rng(1).uniform(0.0, 4e-4, 3000)
+    if not samples_jitter:  # late ones, in one burst
+        stamps[700:705] = stamps[704] - 1e-5 * np.arange(4.0, -1.0, -1.0)
+    angle = np.sin(20.0 * (stamps if samples_jitter else even))
+    record = from_samples(stamps, {"torque": angle, "theta1": angle}, source="made here")
+    (warning,) = record.warnings
+    assert "the time base is uneven" in warning
+    assert ("but the motion is even" in warning) != samples_jitter
+    assert ("resampled" in warning) == samples_jitter
+    if not samples_jitter:
+        assert record.theta1.tolist() == angle.tolist()
+        assert record.time_step == pytest.approx(1e-3, rel=1e-3)
+    assert record.missing.tolist() == []
 
 
 def test_a_long_gap_in_an_uneven_time_base_is_missing() -> None:

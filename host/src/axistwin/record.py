@@ -29,6 +29,9 @@ CSV_TAG = "# axistwin record "
 # Times may be off the even grid by this share of a time step: rounding, no more.
 _UNEVEN_MAX = 1e-2
 
+# Time stamps that jitter are off by less than this many time steps: more is a gap, or a drift.
+_JITTER_MAX = 20.0
+
 
 @dataclass(frozen=True)
 class Record:
@@ -131,7 +134,8 @@ def from_samples(
     """A record from samples at any increasing ``time`` [s].
 
     Samples that lie on an even grid are put there, what is missing in between is interpolated and
-    listed. Samples that do not are resampled by linear interpolation, with a warning.
+    listed. Samples that do not get a warning: where the motion shows that only their time stamps
+    jitter they are kept as they are, else they are resampled by linear interpolation.
     ``properties`` are further arguments of Record. Raises InputError when time does not increase,
     or more samples are missing than there are.
     """
@@ -161,6 +165,9 @@ def from_samples(
             f"{steps[at]:g} s after sample {at})"
         )
     even = _even_grid(raw_time, steps, step)
+    jitter = None if even is not None else _stamp_jitter(raw_time, raw["theta1"])
+    uneven = f"the time base is uneven (steps of {steps.min():.6g} to {steps.max():.6g} s)"
+    missing = np.zeros(0, np.int64)
     if even is not None:
         step, places = even
         missing = np.setdiff1d(np.arange(places[-1] + 1), places)
@@ -169,14 +176,24 @@ def from_samples(
         found = {name: np.interp(grid, grid[places], values) for name, values in raw.items()}
         for name, values in raw.items():
             found[name][places] = values
+    elif jitter is not None:
+        step = float(raw_time[-1] - raw_time[0]) / (len(raw_time) - 1)
+        grid, found = raw_time[0] + step * np.arange(len(raw_time)), raw
+        warnings += (
+            f"{uneven}, but the motion is even: taken as every {step:.6g} s, the time stamps are "
+            f"off by up to {jitter:.3g} s",
+        )
     else:
         grid = np.arange(raw_time[0], raw_time[-1], step)
         found = {name: np.interp(grid, raw_time, values) for name, values in raw.items()}
         behind = np.searchsorted(raw_time, grid, side="right") - 1
         missing = np.flatnonzero(steps[np.minimum(behind, len(steps) - 1)] > 2.5 * step)
+        ahead = np.minimum(behind + 1, len(raw_time) - 1)
+        off = np.minimum(grid - raw_time[behind], np.abs(raw_time[ahead] - grid))
+        between = np.sum(off > _UNEVEN_MAX * step)
         warnings += (
-            f"the time base is uneven (steps of {steps.min():.6g} to {steps.max():.6g} s): "
-            f"resampled every {step:.6g} s",
+            f"{uneven}: resampled every {step:.6g} s, {between} of {len(grid)} samples are "
+            "interpolated",
         )
     if len(missing) > 0:
         warnings += (f"{len(missing)} of {len(grid)} samples are missing",)
@@ -199,6 +216,24 @@ def _even_grid(time: Array, steps: Array, step: float) -> tuple[float, Indices] 
     fitted = float(time[-1] - time[0]) / float(places[-1])
     off = np.abs(time - time[0] - fitted * places)
     return (fitted, places) if np.max(off) <= _UNEVEN_MAX * fitted else None
+
+
+def _stamp_jitter(time: Array, angle: Array) -> float | None:
+    """How far time stamps are off even samples [s]; None when the samples themselves are uneven.
+
+    An arrival time jitters while the samples are even, and late ones come in bursts. Where
+    neighbouring steps differ, an angle lies between its neighbours by number if so, else by time.
+    """
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    off = float(np.max(np.abs(time - time[0] - step * np.arange(len(time)))))
+    before, after = np.diff(time)[:-1], np.diff(time)[1:]
+    differ = np.abs(before - after) > _UNEVEN_MAX * (before + after)
+    first, middle, last = angle[:-2][differ], angle[1:-1][differ], angle[2:][differ]
+    before, after = before[differ], after[differ]
+    by_time = np.abs(middle - (after * first + before * last) / (before + after))
+    by_number = np.abs(middle - 0.5 * (first + last))
+    even = float(np.sum(by_number)) < float(np.sum(by_time)) and off < _JITTER_MAX * step
+    return off if even else None
 
 
 def write_csv(record: Record, path: str | Path) -> None:
