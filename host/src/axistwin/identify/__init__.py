@@ -22,7 +22,7 @@ from axistwin.identify.result import (
     axis_truth,
     table,
 )
-from axistwin.identify.samples import HOLDS, Hold, Samples, longest_stretch
+from axistwin.identify.samples import HOLDS, Hold, Samples, check_excitation, longest_stretch
 from axistwin.record import Record
 
 __all__ = [
@@ -61,7 +61,7 @@ def identify(
     Raises NotEnoughDataError, saying what to do, when the record cannot answer.
     """
     samples = longest_stretch(record)
-    _check_excitation(samples)
+    check_excitation(samples)
     holds = HOLDS if hold == "auto" else (hold,)
     with np.errstate(all="ignore"):  # what overflows is noticed, and refused, further down
         found = _identify(record, samples, model, holds, bandwidth, progress)
@@ -95,7 +95,7 @@ def validate(
     Raises NotEnoughDataError when the record is too short or lacks an encoder.
     """
     samples = longest_stretch(record)
-    _check_excitation(samples)
+    check_excitation(samples)
     comparisons: tuple[Comparison, ...]
     with np.errstate(all="ignore"):
         if result.model == RIGID:
@@ -104,18 +104,6 @@ def validate(
             comparisons = two_inertia.predict(samples, result.estimate, result.hold or HOLDS[0])
     errors = {channel.name: channel.relative_error for channel in comparisons}
     return replace(result, validation=Validation(record.source, errors))
-
-
-def _check_excitation(samples: Samples) -> None:
-    if float(np.ptp(samples.torque)) == 0.0:
-        raise NotEnoughDataError(
-            "the torque does not change in this record: nothing excites the axis; "
-            "switch the excitation on"
-        )
-    if float(np.ptp(samples.theta1)) == 0.0:
-        raise NotEnoughDataError(
-            "the motor does not move in this record: release the brake, or excite with more torque"
-        )
 
 
 def _as_far_as_possible(

@@ -109,3 +109,16 @@ def longest_stretch(record: Record) -> Samples:
         begin=part.start * record.time_step,
         zero=zero,
     )
+
+
+def check_excitation(samples: Samples) -> None:
+    """Raises NotEnoughDataError when nothing pushes the axis, or nothing moves."""
+    if float(np.ptp(samples.torque)) == 0.0:
+        raise NotEnoughDataError(
+            "the torque does not change in this record: nothing excites the axis; "
+            "switch the excitation on"
+        )
+    if float(np.ptp(samples.theta1)) == 0.0:
+        raise NotEnoughDataError(
+            "the motor does not move in this record: release the brake, or excite with more torque"
+        )
