@@ -155,6 +155,8 @@ def test_what_a_cause_explains_is_of_what_those_before_it_leave() -> None:
     first, second = words.explained(diagnosis)
     assert first == pytest.approx(0.86)
     assert (1.0 - first) * (1.0 - second) == pytest.approx(1.0 - 0.998)
+    backlash = diagnosis.considered[0]
+    assert words.would_explain(diagnosis, backlash) == pytest.approx(0.0004 / 0.002)
 
 
 # ---- What every effect of the catalogue needs

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.signal
 from matplotlib.axes import Axes
+from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from axistwin.core import Array
 from axistwin.diagnose.panels import COLOURS
@@ -23,6 +24,9 @@ _OUTLIERS = 0.002
 
 #: Samples in a piece of which a spectrum is taken, at most.
 _PIECE = 2048
+
+#: Values that span less than this factor need no logarithmic scale.
+_SPAN = 20.0
 
 _PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
 
@@ -49,6 +53,17 @@ def legend(axes: Axes, columns: int) -> None:
     else:
         axes.set_ylim(low, high + 0.2 * (high - low))
     axes.legend(loc="upper right", ncols=columns)
+
+
+def logarithmic(axes: Axes) -> None:
+    """A logarithmic scale upwards where values span it, with plain numbers; else one from zero."""
+    data = axes.dataLim
+    if data.minposy * _SPAN > data.y1:
+        axes.set_ylim(0.0, 1.05 * data.y1)
+        return
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def cloud(axes: Axes, x: Array, y: Array, colour: str) -> None:

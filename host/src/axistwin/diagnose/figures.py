@@ -18,6 +18,11 @@ from axistwin.identify.statistics import confidence_factor
 _MODELS = {"before": "base model", "after": "extended model"}
 
 
+def _models(diagnosis: Diagnosis) -> dict[str, str]:
+    """The models that there are: without a finding, the base model is all."""
+    return _MODELS if diagnosis.findings else {"before": _MODELS["before"]}
+
+
 # ---- Measured and simulated
 
 
@@ -28,12 +33,18 @@ class _Channel:
     label: str
     unit: str
     shown: Shown
+    models: dict[str, str]
+
+    @property
+    def simulated(self) -> dict[str, Array]:
+        """Of each model, (w, l)."""
+        both = {"before": self.shown.before, "after": self.shown.after}
+        return {name: both[name] for name in self.models}
 
     @property
     def errors(self) -> dict[str, Array]:
-        """Simulated less measured, (w, l), of either model."""
-        shown = self.shown
-        return {"before": shown.before - shown.measured, "after": shown.after - shown.measured}
+        """Simulated less measured, (w, l), of each model."""
+        return {name: values - self.shown.measured for name, values in self.simulated.items()}
 
 
 def simulations(diagnosis: Diagnosis) -> list[Panel]:
@@ -53,7 +64,7 @@ def _channels(diagnosis: Diagnosis) -> list[_Channel]:
     by_name = {shown.name: shown for shown in diagnosis.evidence.shown}
     motor, table = by_name["theta1"], by_name.get("theta2")
     what = "position" if diagnosis.record.linear else "angle"
-    channels = [_Channel(f"motor {what}", angle, motor)]
+    channels = [_Channel(f"motor {what}", angle, motor, _models(diagnosis))]
     if table is not None:
         twist = Shown(
             "twist",
@@ -63,7 +74,7 @@ def _channels(diagnosis: Diagnosis) -> list[_Channel]:
             motor.after - table.after,
             motor.held_out,
         )
-        channels.append(_Channel("twist", angle, twist))
+        channels.append(_Channel("twist", angle, twist, _models(diagnosis)))
     return channels
 
 
@@ -88,8 +99,8 @@ def _window(channel: _Channel, window: int) -> Panel:
         plot.plot(time, line, color=COLOURS[colour], lw=width, label=label)
 
     draw(shown.measured, "measured", "measured", 3.4)
-    draw(shown.before, "before", _MODELS["before"], 1.3)
-    draw(shown.after, "after", _MODELS["after"], 1.3)
+    for name, values in channel.simulated.items():
+        draw(values, name, channel.models[name], 1.3)
     drawing.legend(plot, 3)
     return Panel(figure, "The window that no fit has seen in which the base model is worst.")
 
@@ -106,10 +117,11 @@ def _window_error(channel: _Channel, window: int) -> Panel:
         time = channel.shown.time[window]
         plot.plot(time, factor * error, color=COLOURS[name], lw=1.0, label=_MODELS[name])
     drawing.legend(plot, 2)
-    before, after = (
-        words.shown(drawing.rms(error), channel.unit).with_unit for error in errors.values()
-    )
-    return Panel(figure, f"rms {before} with the base model, {after} with the extended one.")
+    sizes = [
+        f"{words.shown(drawing.rms(error), channel.unit).with_unit} with the {_MODELS[name]}"
+        for name, error in errors.items()
+    ]
+    return Panel(figure, f"rms {words.listed(sizes)}.")
 
 
 def _along(channel: _Channel) -> Panel:
@@ -136,7 +148,7 @@ def _along(channel: _Channel) -> Panel:
                 mfc=filled,
                 label=f"{_MODELS[name]}, {label}",
             )
-    plot.set_yscale("log")
+    drawing.logarithmic(plot)
     drawing.legend(plot, 2)
     return Panel(
         figure,
@@ -163,14 +175,18 @@ def residuals(diagnosis: Diagnosis, place: str) -> list[Panel]:
         for name, x in _abscissae(diagnosis, place):
             figure, plot = axes(f"Against {name.partition(' [')[0]}", name, label)
             drawing.cloud(plot, x, before, CLOUD)
-            drawing.cloud(plot, x, after, CLOUD_AFTER)
+            if diagnosis.findings:
+                drawing.cloud(plot, x, after, CLOUD_AFTER)
             plot.set_xlim(drawing.limits(x))
             plot.set_ylim(shown)
             panels.append(Panel(figure, ""))
         figure, plot = axes("Against frequency", "frequency [Hz]", f"residual [{prefixed}/√Hz]")
-        for key, values in (("before", before), ("after", after)):
-            frequency, density = drawing.spectrum(signals.time, values)
-            plot.loglog(frequency, density, color=COLOURS[key], lw=1.1, label=_MODELS[key])
+        for key in _models(diagnosis):
+            frequency, density = drawing.spectrum(
+                signals.time, {"before": before, "after": after}[key]
+            )
+            plot.semilogx(frequency, density, color=COLOURS[key], lw=1.1)
+        drawing.logarithmic(plot)
         return [*panels, Panel(figure, "")]
 
 
@@ -206,15 +222,19 @@ def _abscissae(diagnosis: Diagnosis, place: str) -> list[tuple[str, Array]]:
 def whiteness(diagnosis: Diagnosis) -> list[Panel]:
     """Autocorrelation of the error of each channel, before and after."""
     with matplotlib.rc_context(STYLE):
-        return [_autocorrelation(channel) for channel in diagnosis.evidence.whiteness]
+        return [
+            _autocorrelation(channel, _models(diagnosis))
+            for channel in diagnosis.evidence.whiteness
+        ]
 
 
-def _autocorrelation(channel: Autocorrelation) -> Panel:
+def _autocorrelation(channel: Autocorrelation, models: dict[str, str]) -> Panel:
     figure, plot = axes(f"Error of {channel.name}", "lag [ms]", "autocorrelation")
     lag = 1e3 * channel.lag
     plot.axhspan(-channel.band, channel.band, color=COLOURS["band"], lw=0.0)
-    plot.plot(lag, channel.before, color=COLOURS["before"], label=_MODELS["before"])
-    plot.plot(lag, channel.after, color=COLOURS["after"], label=_MODELS["after"])
+    for name, label in models.items():
+        values = {"before": channel.before, "after": channel.after}[name]
+        plot.plot(lag, values, color=COLOURS[name], label=label)
     drawing.legend(plot, 2)
     return Panel(figure, "Of white noise, 95 % of the points lie in the band.")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from axistwin import __version__
 from axistwin.diagnose import figures, signatures, words
 from axistwin.diagnose.panels import COLOURS, Panel, svg
-from axistwin.diagnose.result import Considered, Diagnosis, ErrorSummary, Evidence
+from axistwin.diagnose.result import Considered, Diagnosis, Evidence
 from axistwin.identify.result import Quantity
 from axistwin.output import atomic_write
 
@@ -71,7 +71,7 @@ def _answer(diagnosis: Diagnosis) -> list[str]:
         "<section class=answer>",
         f"<p class='verdict {kind}'>{escape(words.verdict(diagnosis))}</p>",
         f"<p class=lead>{escape(words.paragraph(diagnosis))}</p>",
-        *_bars(diagnosis.error),
+        *_bars(diagnosis),
         *_named(diagnosis),
         "<h2>What to do next</h2>",
         "<ul class=next>",
@@ -81,20 +81,21 @@ def _answer(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _bars(error: ErrorSummary) -> list[str]:
-    """The three errors, as bars from zero."""
-    largest = max(error.base, error.extended, error.noise_floor) or 1.0
-    bars = (
-        ("base model", error.base, "before"),
-        ("extended model", error.extended, "after"),
-        ("noise alone", error.noise_floor, "noise"),
-    )
+def _bars(diagnosis: Diagnosis) -> list[str]:
+    """The errors as bars from zero."""
+    error = diagnosis.error
+    largest = max(error.base, error.extended) or 1.0
+    bars = [("base model", error.base, "before")]
+    if diagnosis.findings:
+        bars.append(("extended model", error.extended, "after"))
+    bars.append(("noise alone", error.noise_floor, "noise"))
     lines = ["<figure class=bars>", f"<figcaption>{escape(words.title(error.what))}</figcaption>"]
     for label, size, kind in bars:
         text = escape(words.shown(size, error.unit).with_unit)
+        width = min(100.0 * size / largest, 100.0)
         lines.append(
             f"<div><span>{label}</span><span class=track><span class='bar {kind}' "
-            f"style='width:{100.0 * size / largest:.2f}%'></span></span><b>{text}</b></div>"
+            f"style='width:{width:.2f}%'></span></span><b>{text}</b></div>"
         )
     return [*lines, "</figure>"]
 
@@ -195,18 +196,24 @@ def _findings(diagnosis: Diagnosis, page: _Page) -> list[str]:
 
 
 def _residuals(diagnosis: Diagnosis, page: _Page) -> list[str]:
-    lines = [
-        "<p class=key><span class=cloud></span> without any effect "
-        "<span class='cloud after'></span> with all that were named</p>"
-    ]
+    lines = []
+    text = (
+        "What the axis would have needed beyond what was applied, to move as it was measured "
+        "(Eq. 18), against everything that an effect could depend on. A shape in the grey cloud is "
+        "an effect"
+    )
+    if diagnosis.findings:
+        text += "; a shape in the blue one would be an effect that was missed"
+        lines.append(
+            "<p class=key><span class=cloud></span> without any effect "
+            "<span class='cloud after'></span> with all that were named</p>"
+        )
     for place in _places(diagnosis.evidence):
         lines.append(f"<h3>{escape(words.title(signatures.RESIDUAL[place]))}</h3>")
         lines += page.figures(figures.residuals(diagnosis, place), "small panels")
     return _section(
-        "Residual torque, before and after",
-        "What the axis would have needed beyond what was applied, to move as it was measured "
-        "(Eq. 18), against everything that an effect could depend on. A shape in the grey cloud is "
-        "an effect; a shape in the blue one would be an effect that was missed.",
+        "Residual torque, before and after" if diagnosis.findings else "Residual torque",
+        f"{text}.",
         lines,
     )
 
@@ -229,12 +236,16 @@ def _whiteness(diagnosis: Diagnosis, page: _Page) -> list[str]:
 
 
 def _parameters(diagnosis: Diagnosis, page: _Page) -> list[str]:
+    models = {"Base model": diagnosis.base, "Extended model": diagnosis.axis}
+    if not diagnosis.findings:
+        models = {"Base model": diagnosis.axis}
+    head = [cell for model in models for cell in (model, "95 % interval")]
     rows = [
-        f"<tr><th scope=row>{escape(name)}</th>{_number(diagnosis.base.get(name))}"
-        f"{_number(diagnosis.axis.get(name))}</tr>"
+        f"<tr><th scope=row>{escape(name)}</th>"
+        f"{''.join(_number(model[name]) for model in models.values())}</tr>"
         for name in diagnosis.axis
     ]
-    lines = _table(("", "Base model", "95 % interval", "Extended model", "95 % interval"), rows)
+    lines = _table(["", *head], rows)
     if not diagnosis.base_valid:
         lines.append("<p class=note>This record does not determine all of them.</p>")
     if diagnosis.evidence.tracks:
@@ -247,9 +258,7 @@ def _parameters(diagnosis: Diagnosis, page: _Page) -> list[str]:
     )
 
 
-def _number(item: Quantity | None) -> str:
-    if item is None:
-        return "<td></td><td></td>"
+def _number(item: Quantity) -> str:
     number = words.quantity(item)
     interval = words.joined(number.interval, number.unit)
     return (
@@ -262,7 +271,7 @@ def _considered(diagnosis: Diagnosis) -> list[str]:
     rows = [
         f"<tr><th scope=row>{escape(words.title(words.what(one.effect)))}</th>"
         f"<td>{escape(words.where(one.location))}</td>"
-        f"<td class=number>{words.percent(one.gain)}</td>"
+        f"<td class=number>{words.percent(words.would_explain(diagnosis, one))}</td>"
         f"<td>{escape(words.reason(one.verdict))}</td></tr>"
         for one in ordered
     ]

@@ -41,9 +41,9 @@ class Finding:
 class Considered:
     """An effect that was not named.
 
-    ``gain`` is the share of the held-out error variance that it would remove from what the findings
-    leave. ``verdict`` is "no", or why else it was not named, such as "look-alike of delay at
-    torque" or "cannot be told from this record: the speed never reverses".
+    ``gain`` is the share of the held-out error variance of the base model that it would remove
+    beside the findings. ``verdict`` is "no", or why else it was not named, such as "look-alike of
+    delay at torque" or "cannot be told from this record: the speed never reverses".
     """
 
     effect: str

@@ -274,7 +274,8 @@ def _in_frequency(case: _Case) -> list[Panel]:
         ("curve", "what it adds", case.own.values),
     ):
         frequency, density = drawing.spectrum(case.signals.time, factor * values)
-        plot.loglog(frequency, density, color=COLOURS[colour], lw=1.2, label=label)
+        plot.semilogx(frequency, density, color=COLOURS[colour], lw=1.2, label=label)
+    drawing.logarithmic(plot)
     drawing.legend(plot, 3)
     caption = "The residual without this effect alone, with it, and what it adds."
     return [Panel(figure, caption, wide=True)]

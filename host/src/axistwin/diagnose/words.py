@@ -206,11 +206,18 @@ def record_line(diagnosis: Diagnosis) -> str:
 
 def explained(diagnosis: Diagnosis) -> list[float]:
     """The share that each finding removes of the squared error that those before it leave."""
-    left, shares = 1.0, []
-    for finding in diagnosis.findings:
-        shares.append(finding.gain / left if left > 0.0 else math.nan)
-        left -= finding.gain
-    return shares
+    gains = [finding.gain for finding in diagnosis.findings]
+    return [_of_rest(gain, gains[:i]) for i, gain in enumerate(gains)]
+
+
+def would_explain(diagnosis: Diagnosis, considered: Considered) -> float:
+    """The share that it would remove of the squared error that the findings leave."""
+    return _of_rest(considered.gain, [finding.gain for finding in diagnosis.findings])
+
+
+def _of_rest(gain: float, before: Sequence[float]) -> float:
+    rest = 1.0 - sum(before)
+    return gain / rest if rest > 0.0 else math.nan
 
 
 def verdict(diagnosis: Diagnosis) -> str:
