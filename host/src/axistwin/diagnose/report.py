@@ -73,11 +73,21 @@ def _answer(diagnosis: Diagnosis) -> list[str]:
         f"<p class=lead>{escape(words.paragraph(diagnosis))}</p>",
         *_bars(diagnosis),
         *_named(diagnosis),
-        "<h2>What to do next</h2>",
-        "<ul class=next>",
-        *(_next(step) for step in words.next_steps(diagnosis)),
-        "</ul>",
+        *_list("What to do next", [_next(step) for step in words.next_steps(diagnosis)]),
+        *_list("What this record cannot tell", [escape(line) for line in diagnosis.advice]),
         "</section>",
+    ]
+
+
+def _list(title: str, lines: Sequence[str]) -> list[str]:
+    """A list under a title, both of them only if there is something in it."""
+    if not lines:
+        return []
+    return [
+        f"<h2>{title}</h2>",
+        "<ul class=next>",
+        *(f"<li>{line}</li>" for line in lines),
+        "</ul>",
     ]
 
 
@@ -136,8 +146,8 @@ def _next(step: str) -> str:
     """A line with its verb set off."""
     verb, colon, rest = step.partition(":")
     if not colon or len(verb) > len("Re-time the channel"):
-        return f"<li>{escape(step)}</li>"
-    return f"<li><b>{escape(verb)}:</b>{escape(rest)}</li>"
+        return escape(step)
+    return f"<b>{escape(verb)}:</b>{escape(rest)}"
 
 
 # ---- The evidence

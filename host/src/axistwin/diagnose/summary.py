@@ -10,6 +10,8 @@ from axistwin.diagnose.result import Diagnosis
 
 _WIDTH = 100
 
+_ADVICE = "Not told by this record: "
+
 
 def text(diagnosis: Diagnosis) -> str:
     """The whole answer, lines of at most 100 characters where words can be parted."""
@@ -19,6 +21,7 @@ def text(diagnosis: Diagnosis) -> str:
         list(_table(diagnosis)),
         list(_not_named(diagnosis)),
         [line for step in words.next_steps(diagnosis) for line in _wrapped(step, "Next: ")],
+        [line for advice in diagnosis.advice for line in _wrapped(advice, _ADVICE)],
         [
             line
             for warning in dict.fromkeys((*diagnosis.record.warnings, *diagnosis.warnings))

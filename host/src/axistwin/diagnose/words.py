@@ -274,10 +274,10 @@ def _base_model(diagnosis: Diagnosis) -> str:
 
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
-    """What to do next, a line for each finding, then which measurement would tell more."""
+    """What to do next: a line for each finding, then for what is left and not determined."""
     linear = diagnosis.record.linear
     steps = [_step(finding, linear) for finding in diagnosis.findings]
-    if diagnosis.unexplained and not diagnosis.advice:
+    if diagnosis.unexplained:
         steps.append(
             "Measure again: slower, faster and at another place of the travel. What is left goes "
             "with one of them; the residual torque in the report says with which to begin."
@@ -287,9 +287,9 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
             "Measure again with more excitation: a multisine up to beyond the resonance of the "
             "shaft (axistwin excite), with several reversals of speed."
         )
-    if diagnosis.healthy and diagnosis.base_valid and not diagnosis.advice:
+    if diagnosis.healthy and diagnosis.base_valid:
         steps.append("Retune with this model as it is: nothing has to be compensated.")
-    return steps + [f"Measure again: {line}" for line in diagnosis.advice]
+    return steps
 
 
 def reason(verdict: str) -> str:
