@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from axistwin.diagnose import answer, search, windows
+from axistwin.diagnose import answer, intake, search, windows
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Plant, Rigid, TwoInertias
 from axistwin.diagnose.result import Diagnosis
@@ -37,12 +37,13 @@ def diagnose(
     ``hold`` is what the torque does between samples, ``window`` [s] the length of a simulation.
     Raises NotEnoughDataError when the record cannot answer, InputError when it cannot be right.
     """
+    examined = intake.examine(record)
     cut = windows.cut(record, window)
     progress("looking for the axis")
-    base = search.begin(Fit(cut, hold, _start(record, progress)))
-    found = search.extend(base, progress)
+    bases = search.begin(Fit(cut, hold, _start(record, progress)))
+    found = search.look(bases, progress)
     progress("final fit")
-    return answer.of(record, found)
+    return answer.of(record, found, examined)
 
 
 def _start(record: Record, progress: Progress) -> Plant:

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 import scipy.signal
 import scipy.stats
 
 from axistwin.core import Array, Axis, Effect
+from axistwin.diagnose.channels import resolution
 from axistwin.diagnose.effects import Found, Push
+from axistwin.diagnose.intake import Intake
 from axistwin.diagnose.linear import TwoInertias
 from axistwin.diagnose.result import (
     Autocorrelation,
@@ -30,13 +31,10 @@ from axistwin.diagnose.result import (
     Signals,
     Track,
 )
-from axistwin.diagnose.search import Search, State, Trial
+from axistwin.diagnose.search import UNEXPLAINED, Search, State
 from axistwin.identify.result import Quantity, quantity, unit
 from axistwin.model import SAMPLE_LOSS, Model
 from axistwin.record import Record
-
-#: What is left has a mean square this many times that of the noise, at least: then there is more.
-UNEXPLAINED = 1.1
 
 #: A trial that gained this share of what the one taken did could pass for it.
 _ALIKE = 0.8
@@ -54,9 +52,9 @@ _PARTS = 8
 _PLACES = ("motor", "table")
 
 
-def of(record: Record, search: Search) -> Diagnosis:
+def of(record: Record, search: Search, intake: Intake) -> Diagnosis:
     """The diagnosis of a record from what was found in it."""
-    return _Answer(record, search).diagnosis()
+    return _Answer(record, search).diagnosis(intake)
 
 
 class _Answer:
@@ -69,7 +67,7 @@ class _Answer:
         # The last word on the parameters: fitted to everything.
         self._final = State.of(replace(self._last.fit, windows=windows), self._last.motion)
 
-    def diagnosis(self) -> Diagnosis:
+    def diagnosis(self, intake: Intake) -> Diagnosis:
         """All of it."""
         fit, record = self._final.fit, self._record
         findings = (*self._findings(), *self._of_the_record())
@@ -87,16 +85,14 @@ class _Answer:
             hold=fit.hold,
             window=fit.windows.length * record.time_step,
             evidence=self._evidence(),
+            warnings=intake.warnings,
+            advice=intake.advice,
         )
 
     # ---- Parameters and their intervals
 
-    @cached_property
-    def _spread(self) -> Array:
-        return covariance(self._final)
-
     def _quantities(self, state: State) -> dict[str, Quantity]:
-        spread = self._spread if state is self._final else covariance(state)
+        spread = state.covariance
         errors = np.sqrt(np.diag(spread))
         factor = _factor(state)
         return {
@@ -112,7 +108,7 @@ class _Answer:
         findings = []
         for i, found in enumerate(self._final.fit.found):
             k = len(found.values)
-            spread = self._spread[at : at + k, at : at + k]
+            spread = self._final.covariance[at : at + k, at : at + k]
             gain = (_held_out(states[i]) - _held_out(states[i + 1])) / whole
             findings.append(
                 Finding(
@@ -127,7 +123,7 @@ class _Answer:
         return findings
 
     def _of_the_record(self) -> list[Finding]:
-        """What the encoders and the wire do, which no simulation shows."""
+        """What the wire and the encoders do, which no simulation shows."""
         record, found = self._record, []
         lost, n = len(record.missing), len(record)
         if lost >= _LOST_MIN:
@@ -135,7 +131,26 @@ class _Answer:
             fraction = {"fraction": lost / n}
             interval = {"fraction": (float(ends.low), float(ends.high))}
             found.append(Finding(SAMPLE_LOSS, "record", fraction, interval, 0.0))
+        for channel, angle in enumerate((record.theta1, record.theta2)):
+            if angle is not None and record.counts_per_turn[channel] is None:
+                found += self._coarse(channel, angle)
         return found
+
+    def _coarse(self, channel: int, angle: Array) -> list[Finding]:
+        """An encoder whose rounding is most of the noise of its channel."""
+        step = resolution(angle)
+        floor = self._final.fit.noise
+        if step is None or floor is None:
+            return []
+        rounding = step / np.sqrt(12.0)
+        other = np.sqrt(max(float(floor[channel]) ** 2 - rounding**2, 0.0))
+        if rounding < _COARSE * other:
+            return []
+        counts = (1.0 if self._record.linear else 2.0 * np.pi) / step
+        half = max(0.5, 1e-6 * counts)
+        interval = {"counts": (counts - half, counts + half)}
+        params = {"counts": float(round(counts))}
+        return [Finding("quantisation", f"encoder{channel + 1}", params, interval, 0.0)]
 
     def _model(self, findings: tuple[Finding, ...]) -> Model:
         plant = self._final.fit.plant
@@ -303,28 +318,6 @@ class _Answer:
             )
             for i, name in enumerate(fit.plant.names)
         )
-
-
-def covariance(state: State) -> Array:
-    """Of the unknowns of a fit (k, k).
-
-    Errors may be correlated within a window but not from one to the next, so the scores of the
-    windows tell their spread (Liang and Zeger 1986); white noise is the least that is assumed.
-    """
-    columns = state.fit.sensitivity(state.motion)
-    residual = state.fit.residual(state.motion)
-    count, k = columns.shape[:2]
-    gram = np.einsum("wan,wbn->ab", columns, columns, optimize=True)
-    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-11, hermitian=True)
-    inverse /= np.outer(size, size)
-    scores = np.einsum("wan,wn->wa", columns, residual, optimize=True)
-    clustered = inverse @ (scores.T @ scores) @ inverse * (count / max(count - k, 1))
-    white = inverse * state.scale
-    more = np.sqrt(np.maximum(np.diag(white), 1e-300) / np.maximum(np.diag(clustered), 1e-300))
-    more = np.maximum(more, 1.0)
-    spread: Array = clustered * np.outer(more, more)
-    return spread
 
 
 def stiff(inertia: float, time_step: float) -> Axis:

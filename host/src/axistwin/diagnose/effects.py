@@ -22,6 +22,9 @@ Shape = tuple[float, ...]
 #: Moments at which the load may have changed that are tried first.
 _MOMENTS = 64
 
+#: A mode that is damped more than this shows no resonance of its own.
+_NO_RESONANCE = 0.15
+
 #: A change of speed by this share of what matters is fine enough; otherwise a step is divided into
 #: so many parts.
 _FINE = 0.25
@@ -439,7 +442,7 @@ class ExtraMode(Kind):
         }
 
     def plausible(self, sizes: Array, shape: Shape) -> bool:
-        return bool(sizes[0] > 0.0 and shape[0] > 0.0 and 0.0 <= shape[1] < 1.0)
+        return bool(sizes[0] > 0.0 and shape[0] > 0.0 and 0.0 <= shape[1] < _NO_RESONANCE)
 
 
 # ---- The command and the channels

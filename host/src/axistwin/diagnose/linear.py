@@ -7,6 +7,7 @@ that all sizes are found by least squares. Simulated by the core's exact step.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -45,15 +46,14 @@ class Plant(Protocol):
         """Of the parameters."""
 
     @property
-    def inertial(self) -> tuple[int, ...]:
-        """Which of them are inertia or stiffness."""
-
-    @property
     def values(self) -> Array:
         """The parameters (k,)."""
 
     def with_values(self, values: Array) -> Plant:
         """The same kind of axis with other parameters (k,)."""
+
+    def others(self) -> Sequence[Plant]:
+        """Plants that look alike from afar, to begin with instead."""
 
     def respond(
         self, time_step: float, torque: Torque, states: Array | None = None
@@ -73,7 +73,6 @@ class TwoInertias:
 
     axis: Axis
     names = ("I1", "I2", "B", "K")
-    inertial = (0, 1, 3)
 
     @property
     def values(self) -> Array:
@@ -81,6 +80,13 @@ class TwoInertias:
 
     def with_values(self, values: Array) -> TwoInertias:
         return TwoInertias(Axis(*values.tolist()))
+
+    def others(self) -> Sequence[Plant]:
+        total, wn = self.axis.I1 + self.axis.I2, self.frequency
+        return [
+            TwoInertias(core.axis_from_modal((1.0 - share) * total, share * total, wn, _DAMPING))
+            for share in _SHARES
+        ]
 
     @property
     def frequency(self) -> float:
@@ -114,6 +120,11 @@ class TwoInertias:
         return self.respond(time_step, Torque(nothing, nothing), np.eye(4))[0].transpose(1, 0, 2)
 
 
+#: Shares of the table in the inertia, and a damping ratio, to begin with.
+_SHARES = (0.1, 0.25, 0.5, 0.75)
+_DAMPING = 0.04
+
+
 @dataclass(frozen=True)
 class Rigid:
     """One inertia with viscous friction; what one encoder shows. States: angle, speed."""
@@ -121,7 +132,6 @@ class Rigid:
     inertia: float
     viscous: float
     names = ("I", "viscous")
-    inertial = (0,)
 
     @property
     def values(self) -> Array:
@@ -129,6 +139,9 @@ class Rigid:
 
     def with_values(self, values: Array) -> Rigid:
         return Rigid(*values.tolist())
+
+    def others(self) -> Sequence[Plant]:
+        return []
 
     def respond(
         self, time_step: float, torque: Torque, states: Array | None = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -61,8 +62,11 @@ _LEVELS = 3
 #: Mean square of an error, in units of the noise, that leaves the plant where it should be.
 _NEARLY_RIGHT = 2.0
 
-#: Inertia or stiffness that has changed by more than this factor's logarithm was dragged.
-_STRAYED = 0.3
+#: How often the effects that were found may be replaced by others.
+_REVISIONS = 3
+
+#: What is left has a mean square this many times that of the noise, at least: then there is more.
+UNEXPLAINED = 1.1
 
 #: Gauss-Newton steps that adjust a shape alone.
 _STEPS = 4
@@ -248,13 +252,14 @@ class Trials:
         return lambda wanted: np.exp(np.interp(np.log(wanted), np.log(tried), logs))
 
 
-def significant(trial: Trial, scale: float) -> bool:
-    """Whether an effect helps beyond chance; ``scale`` is the mean square of an error, 1 for noise.
+def significant(trial: Trial, samples: int) -> bool:
+    """Whether an effect helps beyond chance; windows have ``samples`` that tell something.
 
     The windows have to agree on it, each on its own scale. Where hardly anything but noise is left,
     its distribution is known, and what a single window gains can be enough.
     """
     unknowns = max(trial.found.kind.sizes, 1) + len(trial.found.shape)
+    scale = max(1.0, float(np.mean(trial.before)) / samples)
     agreed = trial.t > T_MIN or (scale < _NEARLY_RIGHT and trial.total > ALONE_MIN * scale)
     return (
         trial.gain > (GAIN_MIN + 4.0 * unknowns) * scale
@@ -285,9 +290,13 @@ class State:
     @property
     def scale(self) -> float:
         """Squared error of a sample, at least that of the noise."""
+        return max(1.0, float(np.mean(self.errors)) / self.samples)
+
+    @property
+    def samples(self) -> int:
+        """Of a window, less what its initial state takes."""
         windows = self.fit.windows
-        freedom = self.errors.size * (windows.channels * windows.length - 2 * windows.channels)
-        return max(1.0, float(np.sum(self.errors)) / freedom)
+        return windows.channels * (windows.length - 2)
 
     @property
     def fitted(self) -> float:
@@ -298,6 +307,28 @@ class State:
         """What this state gains over another one by an effect."""
         return Trial(found, other.errors, self.errors, self.fit.windows.held_out)
 
+    @cached_property
+    def covariance(self) -> Array:
+        """Of the unknowns (k, k).
+
+        Errors may be correlated within a window but not from one to the next, so the scores of the
+        windows tell their spread (Liang and Zeger 1986); white noise is the least that is assumed.
+        """
+        columns = self.fit.sensitivity(self.motion)
+        residual = self.fit.residual(self.motion)
+        count, k = columns.shape[:2]
+        gram = np.einsum("wan,wbn->ab", columns, columns, optimize=True)
+        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-11, hermitian=True)
+        inverse /= np.outer(size, size)
+        scores = np.einsum("wan,wn->wa", columns, residual, optimize=True)
+        clustered = inverse @ (scores.T @ scores) @ inverse * (count / max(count - k, 1))
+        white = inverse * self.scale
+        more = np.sqrt(np.maximum(np.diag(white), 1e-300) / np.maximum(np.diag(clustered), 1e-300))
+        more = np.maximum(more, 1.0)
+        spread: Array = clustered * np.outer(more, more)
+        return spread
+
     @property
     def plausible(self) -> bool:
         """Whether an axis can have these effects, and such a motion can show them."""
@@ -307,29 +338,32 @@ class State:
         )
 
 
-def begin(start: Fit) -> State:
-    """A plant that is near enough for effects to be told, without any.
+def begin(start: Fit) -> list[State]:
+    """Plants that are near enough for effects to be told, without any; one when that is clear.
 
     Friction and load drag both angles away from a plant that has none: while its parameters are
-    adjusted there is some of both. Where even so the error is far from noise, something else
-    drags; then the parameters stay where the start, which looks at fast motion only, had them.
+    adjusted there is some of both. Where even so the error is far from noise, from wherever it is
+    adjusted, something else drags: then one plant is as the start, which looks at fast motion only,
+    had it, and another as the adjustment left it.
     """
-    dragging = (
-        (Coulomb(), Viscous(), Offset()) if start.windows.channels == 2 else (Coulomb(), Offset())
-    )
+    channels = start.windows.channels
+    dragging = (Coulomb(), Viscous(), Offset()) if channels == 2 else (Coulomb(), Offset())
     found = tuple(Found(kind, np.zeros(1), ()) for kind in dragging)
-    state = State.of(replace(start, found=found))
-    state = State.of(state.fit.with_noise(state.motion), state.motion)
-    if state.scale < _NEARLY_RIGHT:
-        without = State.as_is(replace(state.fit, found=()), state.motion)
-        adjusted = State.of(without.fit, without.motion)
-        if adjusted.scale < _NEARLY_RIGHT:
-            return adjusted
-    ratio = state.fit.plant.values / start.plant.values
-    if np.all(np.abs(np.log(ratio[list(state.fit.plant.inertial)])) < _STRAYED):
-        start = replace(state.fit, found=())
     start = start.with_noise(start.motion(None))
-    return State.as_is(start, start.motion(None))
+    best: State | None = None
+    for plant in (start.plant, *start.plant.others()):
+        state = State.of(replace(start, plant=plant, found=found))
+        state = State.of(state.fit.with_noise(state.motion), state.motion)
+        if best is None or state.scale < best.scale:
+            best = state
+        if best.scale < _NEARLY_RIGHT:
+            without = State.as_is(replace(best.fit, found=()), best.motion)
+            adjusted = State.of(without.fit, without.motion)
+            return [adjusted if adjusted.scale < _NEARLY_RIGHT else without]
+    states = [State.as_is(start, start.motion(None))]
+    if best is not None:
+        states.append(State.as_is(replace(best.fit, found=(), noise=start.noise), best.motion))
+    return states
 
 
 @dataclass(frozen=True)
@@ -340,21 +374,96 @@ class Search:
     trials: tuple[tuple[Trial, ...], ...]
 
 
-def extend(base: State, progress: Progress) -> Search:
-    """Add effects one at a time while held-out data say so."""
-    states = [base]
-    tried: list[tuple[Trial, ...]] = []
+def look(bases: Sequence[State], progress: Progress) -> Search:
+    """All effects that held-out data speak for."""
+    found = max(
+        (_extended([base], [], progress) for base in bases),
+        key=lambda search: -search.states[-1].fitted,
+    )
+    for _ in range(_REVISIONS):
+        revised = _revised(found, progress)
+        if revised is None:
+            break
+        found = revised
+    return _understood(found)
+
+
+def _extended(states: list[State], tried: list[tuple[Trial, ...]], progress: Progress) -> Search:
+    """Adds effects one at a time while held-out data say so."""
     while True:
         state = states[-1]
         trials = Trials(state.fit, state.motion).run(_left(state.fit), progress)
         tried.append(tuple(trials))
-        good = [trial for trial in trials if significant(trial, state.scale)]
-        if not good or len(state.fit.found) == EFFECTS_MAX:
-            return Search(tuple(states), tuple(tried))
-        better = _best(state, good, progress)
+        better = None
+        if len(state.fit.found) < EFFECTS_MAX:
+            better = _best(state, trials, progress)
         if better is None:
             return Search(tuple(states), tuple(tried))
         states.append(better)
+
+
+def _revised(search: Search, progress: Progress) -> Search | None:
+    """Every effect has to stand against all others once the rest are known.
+
+    None when they all do.
+    """
+    last = search.states[-1]
+    found = last.fit.found
+    if len(found) < 2:
+        return None
+    for i in range(len(found) - 1):
+        rest = (*found[:i], *found[i + 1 :])
+        without = State.of(replace(last.fit, found=rest), last.motion)
+        trials = Trials(without.fit, without.motion).run(_left(without.fit), progress)
+        better = _best(without, trials, progress)
+        if better is None:
+            return _extended(_chain(search, rest), list(search.trials[: len(rest)]), progress)
+        if better.fitted < last.fitted - GAIN_MIN * last.scale:
+            chain = _chain(search, better.fit.found)
+            return _extended(chain, list(search.trials[: len(chain) - 1]), progress)
+    return None
+
+
+def _chain(search: Search, found: Sequence[Found]) -> list[State]:
+    """The states on the way to these effects, in this order."""
+    states = [search.states[0]]
+    for k in range(1, len(found) + 1):
+        before = search.states[-1]
+        states.append(State.of(replace(before.fit, found=tuple(found[:k])), before.motion))
+    return states
+
+
+def _understood(search: Search) -> Search:
+    """Of a record that is not understood, only what is by far the most of it is named.
+
+    Nor is anything named whose size may be none.
+    """
+    states = list(search.states)
+    sure = [one for one in states[-1].fit.found if _sure(states[-1], one)]
+    if len(sure) < len(states) - 1:
+        states = _chain(search, sure)
+    if states[-1].scale > UNEXPLAINED:
+        for k in range(1, len(states)):
+            before, after = states[k - 1].scale - 1.0, states[k].scale - 1.0
+            if after > 0.5 * before:
+                states = states[:k]
+                break
+    return Search(tuple(states), search.trials[: len(states)])
+
+
+def _sure(state: State, one: Found) -> bool:
+    """Whether the sizes of an effect are not nothing."""
+    at = len(state.fit.values) - sum(len(each.values) for each in state.fit.found)
+    for each in state.fit.found:
+        if each is one:
+            break
+        at += len(each.values)
+    k = len(one.sizes)
+    if k == 0:
+        return True
+    spread = state.covariance[at : at + k, at : at + k]
+    chi2 = float(one.sizes @ np.linalg.pinv(spread, hermitian=True) @ one.sizes)
+    return chi2 > k * T_MIN**2
 
 
 def _left(fit: Fit) -> list[Kind]:
@@ -369,8 +478,9 @@ def _left(fit: Fit) -> list[Kind]:
     ]
 
 
-def _best(state: State, good: list[Trial], progress: Progress) -> State | None:
+def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | None:
     """The trials that gain most, each fitted with all the rest; the best of them that holds."""
+    good = [trial for trial in trials if significant(trial, state.samples)]
     fits = []
     for trial in good[:CONTENDERS]:
         if trial.gain < CONTENDER * good[0].gain:
@@ -378,7 +488,8 @@ def _best(state: State, good: list[Trial], progress: Progress) -> State | None:
         progress(f"fitting {trial.found.kind.effect} at {trial.found.kind.location}")
         fit = replace(state.fit, found=(*state.fit.found, trial.found))
         candidate = State.of(fit, state.motion)
-        if candidate.plausible:
-            fits.append((candidate, candidate.against(state, trial.found)))
-    fits = [(found, trial) for found, trial in fits if significant(trial, found.scale)]
-    return max(fits, key=lambda pair: pair[1].gain)[0] if fits else None
+        if candidate.plausible and significant(
+            candidate.against(state, trial.found), state.samples
+        ):
+            fits.append(candidate)
+    return min(fits, key=lambda candidate: candidate.fitted, default=None)
