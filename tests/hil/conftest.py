@@ -1,82 +1,64 @@
-"""Hardware in the loop: the emulated node as a process of its own, the host against it.
+"""Hardware in the loop: a node, emulated or firmware, and the host against it on each carrier.
 
-On a SocketCAN interface, which has to be there (tests/tools/with-vcan provides it), and on SLCAN
-over a pseudo-terminal and over TCP.
+pytest --carriers=vcan tests/hil      in tests/tools/with-vcan, which provides the interface
+pytest --carriers=pty,tcp tests/hil   anywhere
 """
 
 from __future__ import annotations
 
+import argparse
 import os
-import re
-import socket
-import subprocess
+import signal
+import threading
+import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
+from axistwin import bus
 from axistwin.cli import main
 
-VCAN = "vcan0"
-REPOSITORY = Path(__file__).resolve().parent.parent.parent
-# In a guest on a busy machine a process may have to wait for its turn longer than a drive would.
-PATIENCE = ("--heartbeat-timeout", "3")
-# The same the other way round: where it is not what a test is about, a drive waits for its host.
-WATCHDOG = ("--watchdog", "5000")
-READY = re.compile(r"axistwin-emulator: node (\d+) on (\w+) (\S+), ")
+from .carriers import CARRIERS, LACKS, Carrier
 
 
-@dataclass(frozen=True)
-class Carrier:
-    """A way for frames to travel: the emulator's argument, and the host's."""
-
-    name: str
-    bus: str
-    host: tuple[str, ...]
-
-
-@dataclass
-class Emulator:
-    """An emulated node that runs on a carrier."""
-
-    carrier: Carrier
-    arguments: tuple[str, ...]
-    process: subprocess.Popen[str] = field(init=False)
-    channel: str = field(init=False)  # an interface, a terminal, or an address
-
-    def __post_init__(self) -> None:
-        self.start()
-
-    def start(self) -> None:
-        """Starts the process, or starts it again, and waits until it is on the bus."""
-        program = os.environ.get("AXISTWIN_EMULATOR") or str(
-            REPOSITORY / "build" / "axistwin-emulator"
-        )
-        command = [program, "--bus", self.carrier.bus, *WATCHDOG, *self.arguments]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        assert self.process.stdout is not None
-        line = self.process.stdout.readline()
-        ready = READY.match(line)
-        assert ready, f"{command} says {line!r}"
-        self.channel = ready[3]
-
-    def kill(self) -> None:
-        """Ends it as a power failure would."""
-        self.process.kill()
-        self.process.wait()
-        assert self.process.stdout is not None
-        self.process.stdout.close()
-
-    def stop(self) -> str:
-        """Ends it properly; returns its last words."""
-        self.process.terminate()
-        output, _ = self.process.communicate(timeout=30)
-        assert self.process.returncode == 0
-        return output
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Which carriers to run on: not every place has all of them."""
+    parser.addoption(
+        "--carriers",
+        type=lambda text: text.split(","),
+        default=list(CARRIERS),
+        metavar="NAME,...",
+        help=f"carriers to test on (default: {','.join(CARRIERS)})",
+    )
 
 
-StartEmulator = Callable[..., Emulator]
+def pytest_configure(config: pytest.Config) -> None:
+    """Declares the mark `needs`."""
+    config.addinivalue_line("markers", "needs(what, ...): see tests/hil/carriers.py")
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """A test is there once for each carrier that has what it needs."""
+    if "carrier" in metafunc.fixturenames:
+        needs = {need for mark in metafunc.definition.iter_markers("needs") for need in mark.args}
+        names = [name for name in CARRIERS if not needs & LACKS[name].keys()]
+        assert names, f"no carrier has all of {needs}"
+        metafunc.parametrize("carrier", names, indirect=True)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leaves out the carriers that were not asked for."""
+    chosen = config.getoption("carriers")
+
+    def is_chosen(item: pytest.Item) -> bool:
+        callspec = getattr(item, "callspec", None)
+        return callspec is None or callspec.params.get("carrier", chosen[0]) in chosen
+
+    config.hook.pytest_deselected(items=[item for item in items if not is_chosen(item)])
+    items[:] = filter(is_chosen, items)
 
 
 @dataclass(frozen=True)
@@ -98,47 +80,58 @@ class Outcome:
 Host = Callable[..., Outcome]
 
 
-@pytest.fixture(params=["vcan", "pty", "tcp"])
-def carrier(request: pytest.FixtureRequest, tmp_path: Path) -> Carrier:
-    """Each carrier in turn."""
-    if request.param == "pty":
-        link = str(tmp_path / "slcan")
-        return Carrier("pty", f"pty:{link}", ("-i", "slcan", "-c", link, *PATIENCE))
-    if request.param == "tcp":
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
-        channel = f"socket://127.0.0.1:{port}"
-        return Carrier("tcp", f"tcp:{port}", ("-i", "slcan", "-c", channel, *PATIENCE))
-    return vcan_carrier()
-
-
 @pytest.fixture
-def vcan() -> Carrier:
-    """The SocketCAN interface."""
-    return vcan_carrier()
+def carrier(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Carrier]:
+    """Each carrier in turn that has what the test needs."""
+    with CARRIERS[request.param](tmp_path) as opened:
+        yield opened
 
 
-def vcan_carrier() -> Carrier:
-    """The SocketCAN interface; a failure, not a skip, where there is none."""
-    if VCAN not in [name for _, name in socket.if_nameindex()]:
-        pytest.fail(f"there is no {VCAN} here; run these tests through tests/tools/with-vcan")
-    return Carrier("vcan", VCAN, ("-i", "socketcan", "-c", VCAN, *PATIENCE))
+@contextmanager
+def connected(carrier: Carrier) -> Iterator[bus.Node]:
+    """The host's connection to the node on a carrier."""
+    parser = argparse.ArgumentParser()
+    bus.add_arguments(parser)
+    with bus.node_of(parser.parse_args(carrier.host)) as node:
+        node.connect(10.0, lambda _: None)
+        yield node
 
 
-@pytest.fixture
-def start_emulator() -> Iterator[StartEmulator]:
-    """Starts emulators that end with the test."""
-    started: list[Emulator] = []
+def pages(carrier: Carrier) -> dict[str, float]:
+    """What the node on a carrier says of itself."""
+    with connected(carrier) as node:
+        assert node.wait_until(lambda: "HostHeartbeat" in node.pages, 10.0)  # the last of them
+        return dict(node.pages)
 
-    def start(carrier: Carrier, *arguments: str) -> Emulator:
-        started.append(Emulator(carrier, arguments))
-        return started[-1]
 
-    yield start
-    for emulator in started:
-        if emulator.process.poll() is None:
-            emulator.kill()
+def wait_until(condition: Callable[[], bool], patience: float = 60.0) -> None:
+    """Waits for what another program does."""
+    end = time.monotonic() + patience
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+@contextmanager
+def during(log: Path, action: Callable[[], object]) -> Iterator[None]:
+    """While a log is written to a file: does this, and ends the log then as Ctrl-C does."""
+    over = threading.Event()
+
+    def act() -> None:
+        try:
+            wait_until(lambda: log.exists() and log.stat().st_size > 5000)
+            action()
+        finally:
+            if not over.is_set():
+                os.kill(os.getpid(), signal.SIGINT)
+
+    actor = threading.Thread(target=act)
+    actor.start()
+    try:
+        yield
+    finally:
+        over.set()
+        actor.join()
 
 
 @pytest.fixture

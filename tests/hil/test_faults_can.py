@@ -21,7 +21,8 @@ import pytest
 from axistwin.errors import InputError
 from axistwin.readers import read_record
 
-from .conftest import VCAN, Carrier, Host, StartEmulator
+from .carriers import INTERFACE, OPTIONS, OWN, SECOND, VCAN, Carrier, EmulatorCarrier
+from .conftest import Host, during, pages
 
 MOTOR, TABLE, SAMPLES = 0x181, 0x281, 0x401
 LENGTHS = {MOTOR: 8, TABLE: 8, SAMPLES: 64}
@@ -66,11 +67,12 @@ class Injector:
 
 
 @pytest.fixture
-def far_vcan() -> Iterator[Carrier]:
+def far() -> Iterator[Carrier]:
     """A second interface for the node, away from the host's."""
     ip("link", "add", "dev", FAR, "type", "vcan")
     ip("link", "set", FAR, "up")
-    yield Carrier("vcan", FAR, ())
+    with EmulatorCarrier(FAR, "socketcan", FAR) as opened:
+        yield opened
     ip("link", "del", FAR)
 
 
@@ -121,18 +123,18 @@ FOUND_AS = {
 }
 # What makes the host ask for a stream, the frames that carry it, and samples in one of them.
 STREAMS: dict[str, tuple[tuple[str, ...], tuple[int, ...], int]] = {
-    "classical": ((), (MOTOR, TABLE), 1),
+    "classical": (SLOW_STREAM, (MOTOR, TABLE), 1),
     "fd": (("--fd", "--stream-rate", "600"), (SAMPLES,), PACKED),
 }
 EVERY = 23
 
 
+@pytest.mark.needs(OWN)
 @pytest.mark.parametrize("fault", FOUND_AS)
 @pytest.mark.parametrize("stream", STREAMS)
 def test_the_record_says_which_samples_are_missing(
-    vcan: Carrier,
-    far_vcan: Carrier,
-    start_emulator: StartEmulator,
+    carrier: Carrier,
+    far: Carrier,
     injector: StartInjector,
     host: Host,
     tmp_path: Path,
@@ -140,11 +142,11 @@ def test_the_record_says_which_samples_are_missing(
     fault: str,
 ) -> None:
     options, identifiers, packed = STREAMS[stream]
-    start_emulator(far_vcan, *SLOW_STREAM)
+    far.start()
     faulty = injector(fault, EVERY, *identifiers)
     log, summary = tmp_path / "faulty.log", tmp_path / "faulty.json"
     arguments = ("--duration", "2", "-f", str(log), "--json", str(summary))
-    host("log", *vcan.host, *options, *arguments).expect(0)
+    host("log", *carrier.host, *options, *arguments).expect(0)
     harmed = faulty.stop()
     assert {identifier for identifier, _ in harmed} == set(identifiers)
 
@@ -159,18 +161,20 @@ def test_the_record_says_which_samples_are_missing(
     assert len(record.missing) <= packed or fault in ("drop", "cut")
 
 
+@pytest.mark.needs(OWN)
 def test_a_sample_with_a_wrong_counter_is_missing_and_takes_no_place_of_another(
-    vcan: Carrier,
-    far_vcan: Carrier,
-    start_emulator: StartEmulator,
+    carrier: Carrier,
+    far: Carrier,
     injector: StartInjector,
     host: Host,
     tmp_path: Path,
 ) -> None:
-    start_emulator(far_vcan, *SLOW_STREAM)
+    far.start()
     faulty = injector("count", EVERY, MOTOR)
     log = tmp_path / "miscounted.log"
-    host("log", *vcan.host, "--excite", "--duration", "2", "-f", str(log)).expect(0)
+    host("log", *carrier.host, *SLOW_STREAM, "--excite", "--duration", "2", "-f", str(log)).expect(
+        0
+    )
     harmed = [counter for _, counter in faulty.stop()]
     first = counters_of(log, MOTOR)[0]
     record = read_record(log)
@@ -178,10 +182,11 @@ def test_a_sample_with_a_wrong_counter_is_missing_and_takes_no_place_of_another(
     assert set(record.missing.tolist()) == {c - first for c in harmed if c - first < len(record)}
 
 
+@pytest.mark.needs(OWN)
 def test_error_frames_and_bus_off_cost_no_sample(
-    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
+    carrier: Carrier, host: Host, tmp_path: Path
 ) -> None:
-    emulator = start_emulator(vcan, *SLOW_STREAM)
+    carrier.start()
     log = tmp_path / "errors.log"
     with can.Bus(VCAN, "socketcan") as controller:
 
@@ -192,7 +197,7 @@ def test_error_frames_and_bus_off_cost_no_sample(
 
         later = threading.Timer(1.0, report)
         later.start()
-        outcome = host("log", *vcan.host, "--duration", "3", "-f", str(log))
+        outcome = host("log", *carrier.host, *SLOW_STREAM, "--duration", "3", "-f", str(log))
         later.join()
     outcome.expect(0, "3 bus errors")
     record = read_record(log)
@@ -201,13 +206,15 @@ def test_error_frames_and_bus_off_cost_no_sample(
     assert record.meta["frames"]["error_frames"] == 3
     arrivals = [message.timestamp for message in frames_of(log, MOTOR)]
     assert max(b - a for a, b in itertools.pairwise(arrivals)) > BACK_OFF
-    assert "bus: 3 error frames, 1 times bus off, 0 outages" in emulator.stop()
+    counted = pages(carrier)
+    assert [counted[name] for name in ("BusErrors", "BusOffs", "BusOutages")] == [3, 1, 0]
 
 
+@pytest.mark.needs(OWN)
 def test_an_interface_that_goes_down_or_away_is_taken_up_again(
-    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
+    carrier: Carrier, host: Host, tmp_path: Path
 ) -> None:
-    emulator = start_emulator(vcan, *SLOW_STREAM)
+    carrier.start()
 
     def interrupt() -> None:
         ip("link", "set", VCAN, "down")
@@ -222,55 +229,61 @@ def test_an_interface_that_goes_down_or_away_is_taken_up_again(
     disturbance = threading.Timer(1.0, interrupt)
     disturbance.start()
     log = tmp_path / "outage.log"
-    outcome = host("log", *vcan.host, "--duration", "5", "-f", str(log), "--wait", "30")
+    outcome = host(
+        "log", *carrier.host, *SLOW_STREAM, "--duration", "5", "-f", str(log), "--wait", "30"
+    )
     disturbance.join()
     outcome.expect(3, "the interface is down", "gap from")
     assert outcome.messages.count("node 1 is back") == 2
     record = read_record(log)
     assert len(record) > 200
     assert record.missing.tolist() == missing_from(log) != []
-    last_words = emulator.stop()
-    assert " 0 lost" in last_words  # the node has kept what it could not send
-    assert "2 outages" in last_words
+    counted = pages(carrier)
+    assert counted["LostSamples"] == 0  # the node has kept what it could not send
+    assert counted["BusOutages"] == 2
 
 
+@pytest.mark.needs(SECOND)
 def test_two_nodes_with_one_id_are_told(
-    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
+    carrier: EmulatorCarrier, host: Host, tmp_path: Path
 ) -> None:
     for _ in range(2):
-        start_emulator(vcan, *SLOW_STREAM, "--stream")
+        carrier.start("--stream", *SLOW_STREAM)
         time.sleep(1.0)
     log = tmp_path / "twins.log"
-    host("log", *vcan.host, "--duration", "2", "-f", str(log))
+    host("log", *carrier.host, "--duration", "2", "-f", str(log))
     with pytest.raises(InputError, match="two nodes with id 1 send at the same time"):
         read_record(log)
 
 
-def test_a_full_bus_costs_no_sample(
-    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
-) -> None:
+@pytest.mark.needs(INTERFACE)
+def test_a_full_bus_costs_no_sample(carrier: Carrier, host: Host, tmp_path: Path) -> None:
     """A second of bus time at 1 Mbit/s, sent by another node in one go."""
-    emulator = start_emulator(vcan, *SLOW_STREAM)
+    carrier.start()
     log = tmp_path / "full.log"
-    command = ["cangen", VCAN, "-g", "0", "-p", "1", "-n", "7400", "-I", "7A5", "-L", "8", "-D"]
-    later = threading.Timer(1.0, subprocess.run, ([*command, "i"],), {"check": True})
-    later.start()
-    host("log", *vcan.host, "--duration", "3", "-f", str(log)).expect(0)
-    later.join()
+    form = ("-I", "7A5", "-L", "8", "-D", "i")
+    command = ("cangen", carrier.channel, "-g", "0", "-p", "1", "-n", "7400", *form)
+
+    def fill() -> None:
+        subprocess.run(command, check=True)
+        time.sleep(1.0)
+
+    with during(log, fill):
+        host("log", *carrier.host, *SLOW_STREAM, "-f", str(log)).expect(0)
     others = [int.from_bytes(message.data, "little") for message in frames_of(log, 0x7A5)]
     assert others == list(range(7400))
     record = read_record(log)
-    assert len(record) > 150
+    assert len(record) > 100
     assert len(record.missing) == 0
-    assert " 0 lost" in emulator.stop()
+    assert pages(carrier)["LostSamples"] == 0
 
 
 def test_a_host_that_dies_leaves_its_log_and_the_node_to_the_next(
-    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
+    carrier: Carrier, host: Host, tmp_path: Path
 ) -> None:
-    emulator = start_emulator(vcan, *SLOW_STREAM)
+    carrier.start()
     log = tmp_path / "first.log"
-    command = [sys.executable, "-m", "axistwin", "log", *vcan.host, "-f", str(log)]
+    command = [sys.executable, "-m", "axistwin", "log", *carrier.host, *SLOW_STREAM, "-f", str(log)]
     first = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     while not log.exists() or len(log.read_bytes()) < 20000:
         assert first.poll() is None
@@ -279,17 +292,17 @@ def test_a_host_that_dies_leaves_its_log_and_the_node_to_the_next(
     first.wait()
     assert len(read_record(log)) > 100
     log = tmp_path / "second.log"
-    host("log", *vcan.host, "--duration", "1", "-f", str(log)).expect(0)
+    host("log", *carrier.host, *SLOW_STREAM, "--duration", "1", "-f", str(log)).expect(0)
     assert len(read_record(log).missing) == 0
-    emulator.stop()
 
 
+@pytest.mark.needs(OPTIONS)
 def test_a_clock_that_is_200_ppm_fast_is_put_right(
-    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
+    carrier: EmulatorCarrier, host: Host, tmp_path: Path
 ) -> None:
-    start_emulator(vcan, *SLOW_STREAM, "--clock-error", "200")
+    carrier.start("--clock-error", "200")
     log = tmp_path / "fast.log"
-    host("log", *vcan.host, "--duration", "4", "-f", str(log)).expect(0)
+    host("log", *carrier.host, *SLOW_STREAM, "--duration", "4", "-f", str(log)).expect(0)
     record = read_record(log)
     clock = record.meta["frames"]["clock"]
     assert abs(clock["drift_ppm"] + 200.0) < 5.0 * clock["error_ppm"] < 100.0

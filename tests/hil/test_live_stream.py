@@ -6,6 +6,7 @@ import argparse
 import json
 import socket
 import threading
+import time
 from pathlib import Path
 
 import can
@@ -15,21 +16,34 @@ from can.interfaces.socketcan import SocketcanBus
 from axistwin import bus, frames
 from axistwin.readers import read_record
 
-from .conftest import VCAN, Carrier, Host, StartEmulator
+from .carriers import ALONE, INTERFACE, MINUTE, OWN, SECOND, Carrier, EmulatorCarrier
+from .conftest import Host, during, pages
 
 # A minute for the node: on an emulated processor its seconds may last longer than ours.
 DURATION = 60.0
-PATIENCE = 1.25
+PATIENCE = 300.0
 RATE = 1000.0
+SLOW_STREAM = ("--stream-rate", "100")
 
 
+def await_samples(log: Path, samples: int) -> None:
+    """Until there are as many in the file."""
+    end, count = time.monotonic() + PATIENCE, 0
+    with log.open() as growing:
+        while count < samples:
+            assert time.monotonic() < end
+            time.sleep(0.5)
+            count += growing.read().count(" 181#")
+
+
+@pytest.mark.needs(MINUTE)
 def test_a_minute_of_live_stream_without_a_lost_sample(
-    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
+    carrier: Carrier, host: Host, tmp_path: Path
 ) -> None:
-    emulator = start_emulator(vcan, "--rate", "20000", "--stream-rate", str(RATE))
+    carrier.start()
     log, summary = tmp_path / "minute.log", tmp_path / "minute.json"
-    arguments = ("--duration", str(PATIENCE * DURATION), "-f", str(log), "--json", str(summary))
-    outcome = host("log", *vcan.host, "--excite", *arguments)
+    with during(log, lambda: await_samples(log, round(DURATION * RATE) + 10)):
+        outcome = host("log", *carrier.host, "--excite", "-f", str(log), "--json", str(summary))
     print(outcome.messages)
     outcome.expect(0)
 
@@ -38,22 +52,23 @@ def test_a_minute_of_live_stream_without_a_lost_sample(
     assert found["bus_errors"] == 0
     assert found["gaps"] == []
     assert found["samples"] >= DURATION * RATE
-    assert 0.2 < found["bus_load"] < 0.35  # 2000 frames/s of at most 135 bits at 1 Mbit/s
+    assert 0.05 < found["bus_load"] < 0.35  # 2000 frames/s of at most 135 bits at 1 Mbit/s
 
     record = read_record(log)
     assert len(record) == found["samples"]
     assert len(record.missing) == 0
     assert record.time_step == pytest.approx(1.0 / RATE, rel=1e-4)
     assert record.counts_per_turn == (1 << 20, 1 << 20)
-    assert " 0 lost" in emulator.stop()
+    assert pages(carrier)["LostSamples"] == 0
 
 
+@pytest.mark.needs(INTERFACE)
 def test_frames_of_others_and_frames_of_the_wrong_length_do_no_harm(
-    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
+    carrier: Carrier, host: Host, tmp_path: Path
 ) -> None:
-    start_emulator(vcan, "--stream-rate", "100")
+    carrier.start()
     log = tmp_path / "disturbed.log"
-    with can.Bus(VCAN, "socketcan") as other:
+    with can.Bus(carrier.channel, "socketcan") as other:
         tasks = [
             other.send_periodic(
                 can.Message(arbitration_id=identifier, data=data, is_extended_id=extended), 0.05
@@ -66,7 +81,7 @@ def test_frames_of_others_and_frames_of_the_wrong_length_do_no_harm(
                 (0x18FF0181, b"\xff" * 8, True),
             )
         ]
-        outcome = host("log", *vcan.host, "--duration", "3", "-f", str(log))
+        outcome = host("log", *carrier.host, *SLOW_STREAM, "--duration", "3", "-f", str(log))
         for task in tasks:
             task.stop()
     outcome.expect(0)
@@ -76,12 +91,15 @@ def test_frames_of_others_and_frames_of_the_wrong_length_do_no_harm(
     assert any("Motor frames do not have 8 bytes" in warning for warning in record.warnings)
 
 
+@pytest.mark.needs(ALONE)
 def test_lost_frames_are_counted_and_interpolated(
-    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
+    carrier: Carrier, host: Host, tmp_path: Path
 ) -> None:
-    start_emulator(vcan, "--stream-rate", "100")
+    carrier.start()
     log, thinned = tmp_path / "whole.log", tmp_path / "thinned.log"
-    host("log", *vcan.host, "--excite", "--duration", "3", "-f", str(log)).expect(0)
+    host("log", *carrier.host, *SLOW_STREAM, "--excite", "--duration", "3", "-f", str(log)).expect(
+        0
+    )
     lines = log.read_text().splitlines(keepends=True)
     motor = [i for i, line in enumerate(lines) if " 181#" in line]
     dropped = [motor[20], motor[21], motor[100]]
@@ -93,13 +111,12 @@ def test_lost_frames_are_counted_and_interpolated(
     assert (record.time == whole.time).all()
 
 
-def test_two_nodes_share_a_bus(
-    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
-) -> None:
-    start_emulator(vcan, "--node", "1", "--stream-rate", "100", "--stream")
-    start_emulator(vcan, "--node", "2", "--stream-rate", "50", "--stream")
+@pytest.mark.needs(SECOND)
+def test_two_nodes_share_a_bus(carrier: EmulatorCarrier, host: Host, tmp_path: Path) -> None:
+    carrier.start("--node", "1", "--stream-rate", "100", "--stream")
+    carrier.start("--node", "2", "--stream-rate", "50", "--stream")
     log = tmp_path / "two.log"
-    host("log", *vcan.host, "--node", "2", "--duration", "2", "-f", str(log)).expect(0)
+    host("log", *carrier.host, "--node", "2", "--duration", "2", "-f", str(log)).expect(0)
     record = read_record(log)
     assert record.meta["node"] == 2
     assert record.time_step == pytest.approx(0.02, rel=1e-3)
@@ -109,12 +126,13 @@ def test_two_nodes_share_a_bus(
     assert read_record(log, settings=settings).time_step == 0.01
 
 
+@pytest.mark.needs(SECOND)
 def test_two_nodes_are_logged_into_a_record_each(
-    vcan: Carrier, start_emulator: StartEmulator, host: Host, tmp_path: Path
+    carrier: EmulatorCarrier, host: Host, tmp_path: Path
 ) -> None:
     """An XY table; one of its drives fails and comes back, the other one is not kept waiting."""
-    start_emulator(vcan, "--node", "1", "--stream-rate", "100")
-    second = start_emulator(vcan, "--node", "2", "--stream-rate", "50")
+    carrier.start("--node", "1", "--stream-rate", "100")
+    second = carrier.start("--node", "2", "--stream-rate", "50")
 
     def restart() -> None:
         second.kill()
@@ -126,7 +144,7 @@ def test_two_nodes_are_logged_into_a_record_each(
     log, summary = tmp_path / "table.log", tmp_path / "table.json"
     arguments = ("--duration", "10", "--wait", "30", "-f", str(log), "--json", str(summary))
     nodes = ("--node", "1", "--node", "2")
-    outcome = host("log", *vcan.host, *nodes, *arguments)
+    outcome = host("log", *carrier.host, *nodes, *arguments)
     disturbance.join()
     outcome.expect(3, "node 2 is back after", "gap from")
 
@@ -143,12 +161,13 @@ def test_two_nodes_are_logged_into_a_record_each(
     assert found["nodes"][0]["record"]["samples"] == len(first)
 
 
-def test_what_this_computer_has_no_room_for_is_counted(vcan: Carrier) -> None:
+@pytest.mark.needs(OWN)
+def test_what_this_computer_has_no_room_for_is_counted(carrier: Carrier) -> None:
     parser = argparse.ArgumentParser()
     bus.add_arguments(parser, several=True)
     with (
-        can.Bus(VCAN, "socketcan") as other,
-        bus.nodes_of(parser.parse_args(vcan.host)) as (shared, _),
+        can.Bus(carrier.channel, "socketcan") as other,
+        bus.nodes_of(parser.parse_args(carrier.host)) as (shared, _),
     ):
         port = shared.open_port()
         assert isinstance(shared.bus, SocketcanBus)

@@ -23,11 +23,12 @@ import pytest
 
 from axistwin.readers import read_record
 
-from .conftest import REPOSITORY, VCAN, Carrier, Emulator, Host, StartEmulator
+from .carriers import INTERFACE, OWN, REPOSITORY, Carrier, EmulatorCarrier
+from .conftest import wait_until
 
 # The contract's identifiers are those of node 0: these bits of an identifier say which message.
 CONTRACT = (str(REPOSITORY / "drivers" / "contract" / "axistwin.dbc"), "-m", "0x780")
-IDENTIFY, STREAM_START = "201#0100000000000000", "201#0200000000000000"
+IDENTIFY, STREAM_START = "201#0100000000000000", "201#0200000064000000"  # one of 100 samples
 FAR = "vcan1"
 PATIENCE = 60.0
 ROWS, COLUMNS = 60, 160
@@ -37,14 +38,6 @@ def run(*command: str) -> str:
     """What a program says; it has to end well."""
     done = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True, timeout=PATIENCE)
     return done.stdout
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    """Waits for what another program does."""
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.05)
 
 
 def somebody_listens(interface: str) -> bool:
@@ -65,7 +58,7 @@ def listening(interface: str, *command: str) -> Iterator[subprocess.Popen[str]]:
         process.communicate()
 
 
-def candump(count: int, *, interface: str = VCAN, cause: Callable[[], object]) -> str:
+def candump(count: int, interface: str, *, cause: Callable[[], object]) -> str:
     """So many frames as candump logs them, after it was there to see what causes them."""
     command = ("candump", "-L", "-n", str(count), interface)
     with listening(interface, *command) as process:
@@ -106,24 +99,29 @@ def on_screen(command: tuple[str, ...], *words: str) -> None:
     assert process.wait() == 0, shown
 
 
+pytestmark = pytest.mark.needs(INTERFACE)
 streaming = pytest.mark.usefixtures("streaming_node")
 
 
 @pytest.fixture
-def streaming_node(vcan: Carrier, start_emulator: StartEmulator) -> Emulator:
+def streaming_node(carrier: Carrier) -> None:
     """A node that streams."""
-    return start_emulator(vcan, "--stream", "--stream-rate", "100")
+    carrier.start()
+    run("cansend", carrier.channel, STREAM_START)
 
 
 @streaming
-def test_a_log_of_candump_is_read_and_canplayer_plays_it_again(tmp_path: Path) -> None:
+def test_a_log_of_candump_is_read_and_canplayer_plays_it_again(
+    carrier: Carrier, tmp_path: Path
+) -> None:
+    near = carrier.channel
     original, again = tmp_path / "original.log", tmp_path / "again.log"
-    original.write_text(candump(300, cause=lambda: run("cansend", VCAN, IDENTIFY)))
+    original.write_text(candump(300, near, cause=lambda: run("cansend", near, IDENTIFY)))
     run("ip", "link", "add", "dev", FAR, "type", "vcan")
     run("ip", "link", "set", FAR, "up")
     try:
-        play = ("canplayer", "-I", str(original), f"{FAR}={VCAN}")
-        again.write_text(candump(300, interface=FAR, cause=lambda: run(*play)))
+        play = ("canplayer", "-I", str(original), f"{FAR}={near}")
+        again.write_text(candump(300, FAR, cause=lambda: run(*play)))
     finally:
         run("ip", "link", "del", FAR)
     record, copy = read_record(original), read_record(again)
@@ -134,11 +132,12 @@ def test_a_log_of_candump_is_read_and_canplayer_plays_it_again(tmp_path: Path) -
 
 
 @streaming
-def test_python_can_logs_and_shows_what_the_node_sends(tmp_path: Path) -> None:
-    bus = ("-i", "socketcan", "-c", VCAN)
+def test_python_can_logs_and_shows_what_the_node_sends(carrier: Carrier, tmp_path: Path) -> None:
+    bus = ("-i", "socketcan", "-c", carrier.channel)
     log = tmp_path / "python-can.asc"
-    with listening(VCAN, sys.executable, "-m", "can.logger", *bus, "-f", str(log)) as logger:
-        run("cansend", VCAN, IDENTIFY)
+    command = (sys.executable, "-m", "can.logger", *bus, "-f", str(log))
+    with listening(carrier.channel, *command) as logger:
+        run("cansend", carrier.channel, IDENTIFY)
         wait_until(lambda: log.exists() and log.stat().st_size > 20000)
         logger.send_signal(signal.SIGINT)
         logger.wait(PATIENCE)
@@ -150,8 +149,8 @@ def test_python_can_logs_and_shows_what_the_node_sends(tmp_path: Path) -> None:
 
 
 @streaming
-def test_cantools_decodes_frames_by_our_contract() -> None:
-    frames = candump(200, cause=lambda: run("cansend", VCAN, IDENTIFY))
+def test_cantools_decodes_frames_by_our_contract(carrier: Carrier) -> None:
+    frames = candump(200, carrier.channel, cause=lambda: run("cansend", carrier.channel, IDENTIFY))
     command = (sys.executable, "-m", "cantools", "decode", "--single-line", *CONTRACT)
     decoded = subprocess.run(command, input=frames, capture_output=True, check=True, text=True)
     assert "Unknown frame id" not in decoded.stdout
@@ -166,8 +165,8 @@ def test_cantools_decodes_frames_by_our_contract() -> None:
 
 
 @streaming
-def test_cantools_monitors_by_our_contract() -> None:
-    bus = ("-i", "socketcan", "-c", VCAN)
+def test_cantools_monitors_by_our_contract(carrier: Carrier) -> None:
+    bus = ("-i", "socketcan", "-c", carrier.channel)
     on_screen(
         (sys.executable, "-m", "cantools", "monitor", *bus, *CONTRACT),
         "Motor(",
@@ -177,82 +176,54 @@ def test_cantools_monitors_by_our_contract() -> None:
     )
 
 
-def test_canopen_follows_the_heartbeat(vcan: Carrier, start_emulator: StartEmulator) -> None:
+@contextmanager
+def canopen_master(interface: str) -> Iterator[canopen.nmt.NmtMaster]:
+    """What python-canopen knows of the node with id 1 on an interface."""
     network = canopen.Network()
-    network.connect(interface="socketcan", channel=VCAN)
+    network.connect(interface="socketcan", channel=interface)
     try:
-        nmt = network.add_node(1, canopen.ObjectDictionary()).nmt  # type: ignore[no-untyped-call]
-        emulator = start_emulator(vcan)
-        nmt.wait_for_bootup(PATIENCE)
-        assert nmt.wait_for_heartbeat(PATIENCE) == "PRE-OPERATIONAL"
-        run("cansend", VCAN, STREAM_START)
-        wait_until(lambda: nmt.state == "OPERATIONAL")
-        emulator.stop()
-        wait_until(lambda: nmt.state == "STOPPED")
+        yield network.add_node(1, canopen.ObjectDictionary()).nmt  # type: ignore[no-untyped-call]
     finally:
         network.disconnect()
 
 
+def test_canopen_follows_the_heartbeat(carrier: Carrier) -> None:
+    carrier.start()
+    with canopen_master(carrier.channel) as master:
+        assert master.wait_for_heartbeat(PATIENCE) == "PRE-OPERATIONAL"
+        run("cansend", carrier.channel, STREAM_START)
+        wait_until(lambda: master.state == "OPERATIONAL")
+
+
+@pytest.mark.needs(OWN)
+def test_canopen_sees_a_node_start_and_end(carrier: EmulatorCarrier) -> None:
+    with canopen_master(carrier.channel) as master:
+        emulator = carrier.start()
+        master.wait_for_bootup(PATIENCE)
+        assert master.wait_for_heartbeat(PATIENCE) == "PRE-OPERATIONAL"
+        emulator.stop()
+        wait_until(lambda: master.state == "STOPPED")
+
+
 @streaming
-def test_isotp_transfers_pass_beside_the_stream(tmp_path: Path) -> None:
+def test_isotp_transfers_pass_beside_the_stream(carrier: Carrier, tmp_path: Path) -> None:
     """Twenty consecutive frames and flow control between two others do not disturb the node."""
+    near = carrier.channel
     sent = " ".join(f"{i % 256:02X}" for i in range(140))
     log = tmp_path / "beside.log"
     receiver = subprocess.Popen(
-        ["isotprecv", "-s", "7E1", "-d", "7E9", VCAN], stdout=subprocess.PIPE, text=True
+        ["isotprecv", "-s", "7E1", "-d", "7E9", near], stdout=subprocess.PIPE, text=True
     )
 
     def transfer() -> None:
-        run("cansend", VCAN, IDENTIFY)
-        command = ["isotpsend", "-s", "7E9", "-d", "7E1", "-b", VCAN]
+        run("cansend", near, IDENTIFY)
+        command = ["isotpsend", "-s", "7E9", "-d", "7E1", "-b", near]
         subprocess.run(command, input=sent, check=True, text=True, timeout=PATIENCE)
 
     try:
-        log.write_text(candump(300, cause=transfer))
+        log.write_text(candump(300, near, cause=transfer))
         assert receiver.communicate(timeout=PATIENCE)[0].split() == sent.split()
     finally:
         receiver.kill()
         receiver.wait()
     assert len(read_record(log).missing) == 0
-
-
-def test_the_kernels_slcan_makes_an_interface_of_a_pseudo_terminal(
-    start_emulator: StartEmulator, host: Host, tmp_path: Path
-) -> None:
-    """It opens the channel itself, with the bit rate that ip has been told."""
-    emulator = start_emulator(Carrier("pty", "pty", ()), "--stream-rate", "100")
-    terminal = emulator.channel
-    command = ["stdbuf", "-oL", "slcan_attach", "-w", terminal]
-    holder = subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
-    )
-    try:
-        assert holder.stdout is not None
-        said = holder.stdout.readline()
-        attached = re.match(rf"attached tty {terminal} to netdevice (\w+)$", said)
-        assert attached, f"no SLCAN in this kernel? {said}"
-        interface = attached[1]
-        # The line discipline makes it in the first network namespace, which need not be ours.
-        run(
-            "nsenter",
-            "--target",
-            "1",
-            "--net",
-            "ip",
-            "link",
-            "set",
-            interface,
-            "netns",
-            str(os.getpid()),
-        )
-        run("ip", "link", "set", interface, "type", "can", "bitrate", "1000000")
-        run("ip", "link", "set", interface, "up")
-        log = tmp_path / "slcan.log"
-        host("log", "-i", "socketcan", "-c", interface, "--duration", "2", "-f", str(log)).expect(0)
-        run("ip", "link", "set", interface, "down")
-    finally:
-        holder.communicate("\n", timeout=PATIENCE)
-    record = read_record(log)
-    assert len(record) > 100
-    assert len(record.missing) == 0
-    assert "bus: 0 error frames" in emulator.stop()
