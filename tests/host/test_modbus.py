@@ -35,9 +35,13 @@ from .modbus_rig import (
     Line,
     Raw,
     Server,
+    Station,
     adu,
     crc16,
+    firmware_on_a_line,
     line,
+    on_a_line,
+    over_tcp,
     read_pdu,
     server,
     write_pdu,
@@ -67,16 +71,32 @@ def serial() -> Iterator[Line]:
         yield opened
 
 
-@pytest.fixture(params=["libmodbus", "portable"])
+@pytest.fixture(params=["libmodbus", "portable", "firmware"])
 def on_line(request: pytest.FixtureRequest, serial: Line) -> Iterator[tuple[Line, int]]:
     """Each of our RTU servers on a line, and its unit id."""
-    if request.param == "portable":
+    if request.param == "firmware":
+        with firmware_on_a_line() as station:
+            assert station.line is not None
+            station.start()
+            yield station.line, 1
+    elif request.param == "portable":
         with server(PORTABLE, serial.server):
             yield serial, 5
     else:
         modbus = f"rtu:{serial.server},115200,N"
         with server(SANITIZED, "--modbus", modbus, "--node", "5"):
             yield serial, 5
+
+
+STATIONS = {"tcp": over_tcp, "rtu": on_a_line, "rtu-firmware": firmware_on_a_line}
+
+
+@pytest.fixture(params=STATIONS)
+def station(request: pytest.FixtureRequest) -> Iterator[Station]:
+    """Each way to be served registers: over TCP, on a line from Linux, and from firmware."""
+    with STATIONS[request.param]() as opened:
+        opened.start()
+        yield opened
 
 
 @pytest.fixture
@@ -214,11 +234,11 @@ def test_pymodbus_uses_every_function_on_a_serial_line(on_line: tuple[Line, int]
 # ---- What the answers say ------------------------------------------------------------------------
 
 
-def test_values_of_one_answer_are_of_one_moment(emulator: Server) -> None:
+def test_values_of_one_answer_are_of_one_moment(station: Station) -> None:
     """Each sample is seen in many answers: it is the same in all, and the state is one of them."""
     seen: dict[int, tuple[int, ...]] = {}
     state, history = TABLE.blocks["State"], TABLE.blocks["History"]
-    with Raw(emulator.port) as client:
+    with station.master() as client:
         for _ in range(10**5):
             if len(seen) > 500:
                 break
@@ -242,9 +262,9 @@ def test_values_of_one_answer_are_of_one_moment(emulator: Server) -> None:
             assert isinstance(at, int)
             if at in seen:
                 assert seen[at] == (now["MotorPosition"], now["TablePosition"], now["Torque"])
-    counters = sorted(seen)
+    counters = np.array(sorted(seen))
     assert len(counters) > 500
-    assert all(n % 20 == 0 for n in counters)
+    assert np.all(np.diff(counters) % step == 0)
 
 
 def test_the_record_is_the_one_that_can_carries(tmp_path: Path, cli: Cli) -> None:
@@ -336,36 +356,31 @@ def slow_gateway(listener: socket.socket, port: int, late: Container[int] = (60,
 
 
 def test_a_node_that_goes_away_leaves_a_record_and_a_word(
-    emulator: Server, cli: Cli, tmp_path: Path
+    station: Station, cli: Cli, tmp_path: Path
 ) -> None:
     file = tmp_path / "lost.csv"
-    threading.Timer(1.5, emulator.process.kill).start()
+    threading.Timer(1.5, station.kill).start()
     status, _, messages = cli(
-        "log", *tcp(emulator), "--duration", "30", "--wait", "0.5", "-f", str(file)
+        "log", *station.where, "--duration", "30", "--wait", "0.5", "-f", str(file)
     )
     assert status == 3
     assert "has not come back" in messages
     assert len(read_record(file)) > 100
 
 
-def test_a_node_that_starts_afresh_is_noticed(cli: Cli, tmp_path: Path) -> None:
+def test_a_node_that_starts_afresh_is_noticed(station: Station, cli: Cli, tmp_path: Path) -> None:
     file = tmp_path / "afresh.csv"
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        port = probe.getsockname()[1]
-    command = (SANITIZED, "--modbus", f"tcp:{port}", "--excite")
-    with contextlib.ExitStack() as stack:
-        first = stack.enter_context(server(*command))
 
-        def restart() -> None:
-            first.process.kill()
-            first.process.wait()
-            stack.enter_context(server(*command))
+    def restart() -> None:
+        station.kill()
+        time.sleep(2.5)  # longer than an answer may take
+        station.start()
 
-        disturbance = threading.Timer(1.0, restart)
-        disturbance.start()
-        arguments = ("--duration", "3", "--wait", "20", "-f", str(file))
-        status, _, messages = cli("log", *tcp(first), *arguments)
-        disturbance.join()
+    disturbance = threading.Timer(1.0, restart)
+    disturbance.start()
+    times = ("--rate", "200", "--duration", "6", "--timeout", "2", "--wait", "20")
+    status, _, messages = cli("log", *station.where, *times, "-f", str(file))
+    disturbance.join()
     assert status == 3, messages
     assert "is back: gap from" in messages
     assert "the history starts afresh 1 times" in messages
@@ -443,25 +458,30 @@ def test_a_node_that_is_behind_has_started_afresh() -> None:
     assert log.next == 0
 
 
-def test_a_log_excites_the_axis_and_leaves_it_as_it_was(cli: Cli, tmp_path: Path) -> None:
+def test_a_log_excites_the_axis_and_leaves_it_as_it_was(
+    station: Station, cli: Cli, tmp_path: Path
+) -> None:
     file = tmp_path / "excited.csv"
-    with server(SANITIZED, "--modbus", "tcp:0") as started:
-        status, _, messages = cli(
-            "log", *tcp(started), "--excite", "--duration", "1.5", "-f", str(file)
-        )
-        assert status == 0, messages
-        _, output, _ = cli("read", *tcp(started), "StatusWord", "Torque", "Faults", "--json", "-")
-        left = json.loads(output)
+    where = station.where
+    arguments = ("--excite", "--duration", "1.5", "--timeout", "5", "-f", str(file))
+    status, _, messages = cli("log", *where, *arguments)
+    assert status == 0, messages
+    _, output, _ = cli("read", *where, "StatusWord", "Torque", "Faults", "--json", "-")
+    left = json.loads(output)
     assert np.std(read_record(file).torque) > 0.1
     assert (left["StatusWord"] & 0x6F, left["Torque"], left["Faults"]) == (0x40, 0, 0)
 
 
-def test_registers_are_read_and_commands_given(emulator: Server, cli: Cli) -> None:
-    status, output, _ = cli("read", *tcp(emulator), "NodeId", "TestFloat", "--json", "-")
+def test_registers_are_read_and_commands_given(station: Station, cli: Cli) -> None:
+    where = station.where
+    status, output, _ = cli("read", *where, "NodeId", "TestFloat", "--json", "-")
     assert (status, json.loads(output)) == (0, {"NodeId": 1, "TestFloat": pytest.approx(np.pi)})
-    assert cli("write", *tcp(emulator), "HistoryDecimation", "40")[0] == 0
-    assert keeps_history(emulator, 40)
-    status, output, _ = cli("read", *tcp(emulator))
+    assert cli("write", *where, "HistoryDecimation", "40")[0] == 0
+    deadline = time.monotonic() + 20
+    read = ("read", *where, "HistoryDecimation", "--json", "-")
+    while json.loads(cli(*read)[1]) != {"HistoryDecimation": 40}:
+        assert time.monotonic() < deadline
+    status, output, _ = cli("read", *where)
     assert status == 0
     assert [line.split()[0] for line in output.splitlines()] == list(TABLE.registers)
 
@@ -674,21 +694,22 @@ def test_a_damaged_line_gives_no_wrong_values(on_line: tuple[Line, int]) -> None
         return lump
 
     opened.to_server = opened.to_client = damage
+    opened.pause = 0.01  # a message is one lump, also where a board sends it byte by byte
     answers, silences = 0, 0
-    with ModbusSerialClient(opened.client, baudrate=115200, timeout=0.1, retries=0) as client:
-        for _ in range(30):
+    with ModbusSerialClient(opened.client, baudrate=115200, timeout=0.15, retries=0) as client:
+        for _ in range(20):
             assert client.connect()  # a client that got no answer has closed its port
             try:
                 answer = client.read_holding_registers(0, count=6, device_id=unit)
             except Exception:
                 silences += 1
-                time.sleep(0.06)
+                time.sleep(0.15)  # silence: 50 ms, on a board that may be slow
                 continue
             if not answer.isError():
                 assert answer.registers == [0x4158, 0x5457, 2, 0x4049, 0x0FDB, unit]
                 answers += 1
-    assert answers > 5
-    assert silences > 5
+    assert answers > 3
+    assert silences > 3
 
 
 def test_a_device_that_goes_and_comes_back_is_opened_again(tmp_path: Path, cli: Cli) -> None:
