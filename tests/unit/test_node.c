@@ -977,6 +977,43 @@ CASE(a_new_trace_is_not_taken_for_the_last_one) {
 /* ---- Estimate ---------------------------------------------------------------------------------
  */
 
+/* An axis whose torque stays from one sample to the next: steps short enough not to matter. */
+static axt_real held_torque;
+enum { SHORT_STEPS = 64 };
+
+static void hold_torque(void *axis, axt_real torque) {
+    rig *r = axis;
+    for (int i = 0; i < SHORT_STEPS; i++) {
+        CHECK_EQUAL(axt_machine_step(&r->axis.machine, held_torque), AXT_OK);
+    }
+    held_torque = torque;
+}
+
+/* I1 as a node finds it that is told how the torque is held, or wrongly so. */
+static double inertia_of_held_axis(axt_hold hold) {
+    static const axt_effects ideal = {0};
+    rig *r = rig_new();
+    const axt_real step = r->config.control_period / (axt_real)SHORT_STEPS;
+    r->config.hold = hold;
+    CHECK_EQUAL(rig_start(r), AXT_OK);
+    held_torque = 0;
+    r->node.port.apply_torque = hold_torque;
+    CHECK_EQUAL(
+        axt_machine_init(&r->axis.machine, &axt_axis_paper, step, AXT_TORQUE_LINEAR, &ideal),
+        AXT_OK);
+    rig_enable(r);
+    CHECK_EQUAL(rig_tell(r, EXCITATION_ON, 0), 0);
+    rig_run(r, 20000);
+    const double found = (double)rig_report(r, 32).estimate_i1;
+    free(r);
+    return found;
+}
+
+CASE(the_estimate_knows_how_the_torque_is_held) {
+    CHECK_NEAR(inertia_of_held_axis(AXT_HOLD_ZERO) / 2.7e-5, 1, 2e-3);
+    CHECK(fabs(inertia_of_held_axis(AXT_HOLD_LINEAR) / 2.7e-5 - 1) > 1e-2);
+}
+
 CASE(the_estimate_is_that_of_the_axis_and_says_how_sure_it_is) {
     rig *r = rig_excited();
     rig_run(r, 20000);
@@ -1171,6 +1208,7 @@ int main(void) {
     RUN(an_upload_can_begin_anywhere_and_be_repeated);
     RUN(a_trace_can_be_given_up);
     RUN(a_new_trace_is_not_taken_for_the_last_one);
+    RUN(the_estimate_knows_how_the_torque_is_held);
     RUN(the_estimate_is_that_of_the_axis_and_says_how_sure_it_is);
     RUN(an_estimate_is_one_snapshot_of_fourteen_pages_five_times_a_second);
     RUN(friction_is_told_from_none_by_its_t_value);

@@ -535,6 +535,25 @@ CASE(a_node_that_was_off_the_bus_says_so_when_it_is_back) {
     free(r);
 }
 
+CASE(a_node_whose_last_run_ended_in_a_fault_starts_in_it) {
+    rig *r = rig_new();
+    r->config.error_code = AXT_CONTRACT_EMERGENCY_ERROR_CODE_INTERNAL_SOFTWARE_CHOICE;
+    r->config.error_cause = 0x1234;
+    r->config.excited = true; /* but not now */
+    CHECK_EQUAL(rig_start(r), AXT_OK);
+    rig_run(r, 1000);
+    CHECK_EQUAL(rig_state(r), AXT_CIA402_FAULT);
+    CHECK_EQUAL(emergency(r, 0), AXT_CONTRACT_EMERGENCY_ERROR_CODE_INTERNAL_SOFTWARE_CHOICE);
+    CHECK_EQUAL(emergency(r, 1), -1);
+    CHECK_EQUAL(cause(r), 0x1234);
+    CHECK_EQUAL(r->node.faults, 1);
+    CHECK_EQUAL(torque_of_last_period(r), 0);
+    rig_control(r, FAULT_RESET, 0);
+    CHECK_EQUAL(rig_state(r), AXT_CIA402_SWITCH_ON_DISABLED);
+    rig_enable(r);
+    free(r);
+}
+
 /* What a carrier's filters must let through, and an example of what they need not. */
 CASE(filters_let_through_what_the_node_listens_to) {
     axt_can_filter filters[AXT_NODE_FILTERS];
@@ -665,6 +684,7 @@ int main(void) {
     RUN(control_frames_that_are_not_whole_are_refused);
     RUN(control_words_in_a_row_are_all_followed_or_refused);
     RUN(a_node_that_was_off_the_bus_says_so_when_it_is_back);
+    RUN(a_node_whose_last_run_ended_in_a_fault_starts_in_it);
     RUN(filters_let_through_what_the_node_listens_to);
     RUN(a_trace_shows_what_led_to_a_fault);
     RUN(a_trace_waits_for_its_trigger_and_can_be_given_up);
