@@ -280,7 +280,7 @@ class _Answer:
         before = self._base.fit.simulation_error(self._base.motion)[:, windows.held_out]
         after = self._last.fit.simulation_error(self._last.motion)[:, windows.held_out]
         count = min(_LAGS, windows.length // 2)
-        lag = windows.time_step * np.arange(count)
+        lag = windows.time_step * np.arange(count, dtype=np.float64)
         band = 1.96 / np.sqrt(before[0].size)
         return tuple(
             Autocorrelation(
@@ -348,7 +348,7 @@ def _intervals(found: Found, spread: Array, factor: float) -> Mapping[str, tuple
         for name in middle:
             slopes[name][i] = (moved[name] - middle[name]) / step[i]
     for name, slope in slopes.items():
-        half = factor * float(np.sqrt(max(slope @ spread @ slope, 0.0)))
+        half = factor * float(np.sqrt(max(float(slope @ spread @ slope), 0.0)))
         intervals[name] = (middle[name] - half, middle[name] + half)
     return intervals
 

@@ -103,9 +103,9 @@ class TwoInertias:
         shares = ((1.0 / total, 1.0 / total), (1.0 / a.I1, -1.0 / a.I2))
         moved = []
         for i, (law, (motor, table)) in enumerate(zip(laws, shares, strict=True)):
-            forces = (motor * t[0] + table * t[1] for t in (torque.first, torque.last))
+            first, last = (motor * t[0] + table * t[1] for t in (torque.first, torque.last))
             start = None if states is None else states[:, 2 * i : 2 * i + 2]
-            moved.append(core.respond(*law, time_step, *forces, start))
+            moved.append(core.respond(*law, time_step, first, last, start))
         (body, body_speed), (twist, twist_speed) = moved
         motor_share, table_share = a.I2 / total, -a.I1 / total
         return (
@@ -117,7 +117,9 @@ class TwoInertias:
 
     def free(self, time_step: float, length: int) -> Array:
         nothing = np.zeros((2, 4, length))
-        return self.respond(time_step, Torque(nothing, nothing), np.eye(4))[0].transpose(1, 0, 2)
+        angles, _ = self.respond(time_step, Torque(nothing, nothing), np.eye(4))
+        free: Array = angles.transpose(1, 0, 2)
+        return free
 
 
 #: Shares of the table in the inertia, and a damping ratio, to begin with.
@@ -147,10 +149,12 @@ class Rigid:
         self, time_step: float, torque: Torque, states: Array | None = None
     ) -> tuple[Array, Array]:
         damping = self.viscous / self.inertia
-        forces = (t[0] / self.inertia for t in (torque.first, torque.last))
-        angle, speed = core.respond(damping, 0.0, time_step, *forces, states)
+        first, last = (t[0] / self.inertia for t in (torque.first, torque.last))
+        angle, speed = core.respond(damping, 0.0, time_step, first, last, states)
         return angle[None], speed[None]
 
     def free(self, time_step: float, length: int) -> Array:
         nothing = np.zeros((1, 2, length))
-        return self.respond(time_step, Torque(nothing, nothing), np.eye(2))[0].transpose(1, 0, 2)
+        angles, _ = self.respond(time_step, Torque(nothing, nothing), np.eye(2))
+        free: Array = angles.transpose(1, 0, 2)
+        return free

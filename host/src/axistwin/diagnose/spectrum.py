@@ -35,9 +35,9 @@ def peaks(
     """The ``count`` best numbers of periods, best first.
 
     ``argument`` (w, l) [rad] is what the wave is periodic in, ``scores`` (w, l) what a torque is
-    worth there. ``lowest`` to ``highest`` number of periods are looked at; with ``whole`` only whole
-    numbers are.
-    ``strength`` tells for numbers of periods (p,) what a wave of size 1 moves, squared.
+    worth there. ``lowest`` to ``highest`` number of periods are looked at; with ``whole`` only
+    whole numbers are. ``strength`` tells for numbers of periods (p,) what a wave of size 1 moves,
+    squared.
     """
     start, end = float(np.min(argument)), float(np.max(argument))
     reach = end - start
