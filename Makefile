@@ -237,7 +237,8 @@ SCRIPTS := $(filter-out %.py %.txt,$(wildcard tests/tools/*)) .ci/run
 QUICK   := $(addprefix unit-,gcc-float gcc-double) host-tests \
            $(addprefix lint-,ruff ruff-format mypy clang-format clang-tidy cppcheck shellcheck) \
            wire-page registers-page
-ALL     := $(QUICK) $(filter-out $(QUICK),$(VARIANTS:%=unit-%)) races size installed hidden-tests hil-serial hil
+ALL     := $(QUICK) $(filter-out $(QUICK),$(VARIANTS:%=unit-%)) races size installed \
+           firmware-tests firmware-page hidden-tests hil-serial hil
 
 .PHONY: $(ALL)
 
