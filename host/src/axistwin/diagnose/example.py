@@ -38,8 +38,8 @@ WORN = Model(
     meta={"made_by": "axistwin.diagnose.example"},
 )
 
-#: Twenty seconds at 1 kHz; noise of the encoders [rad].
-_STEP, _SAMPLES, _NOISE = 1e-3, 20_000, 5e-4
+#: Twenty seconds at 1 kHz, three after the start; noise of the encoders [rad].
+_STEP, _SAMPLES, _RUN_UP, _NOISE = 1e-3, 20_000, 3000, 5e-4
 
 #: A multisine up to 98 Hz, the resonance being at 39 Hz, and slow reversals [N m].
 _LINES, _MULTISINE, _REVERSALS = 200, 0.08, 0.06
@@ -64,13 +64,14 @@ _SCORES = (
 
 def record() -> Record:
     """What WORN does."""
-    time = _STEP * np.arange(_SAMPLES, dtype=np.float64)
+    count = _RUN_UP + _SAMPLES
+    time = _STEP * np.arange(count, dtype=np.float64)
     table = core.schroeder(2048, _LINES, _MULTISINE, seed=5)
-    torque = np.resize(table, _SAMPLES) + _REVERSALS * np.sin(2.1 * time)
-    angles = WORN.simulate(torque, _STEP, substeps=20)
-    noise = _NOISE * np.random.default_rng(1).standard_normal((2, _SAMPLES))
-    theta1, theta2 = np.array(angles) + noise
-    return Record(time, torque, theta1, _STEP, theta2)
+    torque = np.resize(table, count) + _REVERSALS * np.sin(2.1 * time)
+    angles = np.array(WORN.simulate(torque, _STEP, substeps=20))
+    angles += _NOISE * np.random.default_rng(1).standard_normal(angles.shape)
+    theta1, theta2 = angles[:, _RUN_UP:]
+    return Record(time[:_SAMPLES], torque[_RUN_UP:], theta1, _STEP, theta2)
 
 
 def answer(folder: Path) -> Diagnosis:
