@@ -30,8 +30,14 @@ static uint8_t can_output[CAN_OUTPUT];
 static axt_uart can_uart = {.output = {.bytes = can_output, .size = CAN_OUTPUT}};
 static axt_slcan_uart can;
 
+/* Goes on when the microseconds come round, every 71 minutes. */
 static uint32_t milliseconds(void) {
-    return axt_board_microseconds() / 1000;
+    static uint32_t counted;
+    static uint32_t last;
+    const uint32_t more = (axt_board_microseconds() - last) / 1000;
+    last += more * 1000;
+    counted += more;
+    return counted;
 }
 
 /* The host of a drive that has restarted has sent half a line, and got half of one. */
