@@ -82,7 +82,7 @@ class Board:
 
     QEMU is handed the file descriptors ``fds`` that these mention. ``terminal`` is the one that a
     pty for CAN leads to. In a guest the board is outside, as tests/tools/with-vcan has started it,
-    with a serial port of the guest for CAN. ``excited``: its axis moves from the start.
+    with a terminal of the guest for CAN. ``excited``: its axis moves from the start.
     """
 
     def __init__(
