@@ -19,10 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--window",
         type=float,
-        default=windows.WINDOW,
         metavar="S",
         help="simulate this long from each state that is taken from the record (default: "
-        f"{windows.WINDOW:g})",
+        f"{windows.WINDOW:g}, with one encoder half of it)",
     )
     model.add_hold_argument(parser)
     parser.add_argument("--json", metavar="FILE", help="write the answer here (-: standard output)")
@@ -35,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Reads, diagnoses, prints and saves. Returns the exit status: 1 if anything is wrong."""
-    if not arguments.window > 0.0:
+    if arguments.window is not None and not arguments.window > 0.0:
         raise InputError(f"--window {arguments.window:g}: has to be a positive time")
     terminal = Terminal()
 

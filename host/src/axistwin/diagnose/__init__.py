@@ -15,6 +15,8 @@ from axistwin.diagnose import answer, intake, search, windows
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Plant, Rigid, TwoInertias
 from axistwin.diagnose.result import Diagnosis
+from axistwin.diagnose.windows import Windows
+from axistwin.errors import NotEnoughDataError
 from axistwin.identify import output_error, rigid
 from axistwin.identify.samples import Hold, longest_stretch
 from axistwin.record import Record
@@ -29,7 +31,7 @@ def diagnose(
     record: Record,
     *,
     hold: Hold = "zoh",
-    window: float = windows.WINDOW,
+    window: float | None = None,
     progress: Progress = lambda _: None,
 ) -> Diagnosis:
     """Name what moves the axis of a record beyond the model of Eq. 3, or beyond a rigid axis.
@@ -40,24 +42,27 @@ def diagnose(
     examined = intake.examine(record)
     cut = windows.cut(record, window)
     progress("looking for the axis")
-    bases = search.begin(Fit(cut, hold, _start(record, progress)))
+    bases = search.begin(Fit(cut, hold, _start(record, cut, hold, progress)))
     found = search.look(bases, progress)
     progress("final fit")
     return answer.of(record, found, examined)
 
 
-def _start(record: Record, progress: Progress) -> Plant:
+def _start(record: Record, cut: Windows, hold: Hold, progress: Progress) -> Plant:
     """The first guess of the axis: two inertias with both encoders, else one."""
     samples = longest_stretch(record)
-    if samples.theta2 is None:
-        found = rigid.identify(record, samples).estimate.params
+    if record.theta2 is None:
+        try:
+            found = rigid.identify(record, samples).estimate.params
+        except NotEnoughDataError:
+            return search.rigid_start(cut, hold)
         return Rigid(found["I"].value, max(found["viscous"].value, 0.0))
     first = slice(_START_SAMPLES)
     part = replace(
         samples,
         torque=samples.torque[first],
         theta1=samples.theta1[first],
-        theta2=samples.theta2[first],
+        theta2=samples.table[first],
         omega1=None,
         omega2=None,
     )

@@ -188,9 +188,19 @@ class _Answer:
     # ---- Errors
 
     def _unexplained(self) -> bool:
-        held_out = self._last.fit.windows.held_out
-        count = self._last.fit.windows.channels * self._last.fit.windows.length
-        return float(np.mean(self._last.errors[held_out])) / count > UNEXPLAINED
+        """Whether more is left of a channel than noise and the rounding of its encoder."""
+        windows, record = self._last.fit.windows, self._record
+        error = self._last.fit.simulation_error(self._last.motion)[:, windows.held_out]
+        floor = self._last.fit.noise
+        for channel, angle in enumerate((record.theta1, record.theta2)[: windows.channels]):
+            step = resolution(angle) if angle is not None else None
+            noise = 0.0 if floor is None else float(floor[channel])
+            least = max(noise, (step or 0.0) / np.sqrt(12.0))
+            free = len(self._base.fit.plant.free(windows.time_step, 2)) / windows.channels
+            left = np.sum(error[channel] ** 2) / (error[channel].size - free * len(error[channel]))
+            if float(left) > UNEXPLAINED * least**2:
+                return True
+        return False
 
     def _error(self) -> ErrorSummary:
         floor = self._last.fit.noise

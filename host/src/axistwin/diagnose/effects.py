@@ -43,7 +43,7 @@ class Motion:
     ``torque`` (n,) of the whole record; ``twist`` is without the zero of the encoders. At each place
     (c, w, l) [N m]: ``friction`` is the torque of the friction that has been found so far, ``grip``
     up to what it holds the axis at rest, and ``load`` what acts on it beside friction. A speed below
-    ``creep`` (c,) may be none.
+    ``creep`` (c,) may be none. A ``turn`` is 2 pi rad, or 1 m of a linear axis.
     """
 
     time: Array
@@ -59,6 +59,7 @@ class Motion:
     grip: Array
     load: Array
     creep: Array
+    turn: float
 
     def command(self, steps: int = 0) -> Array:
         """The torque (w, l) as it was so many samples earlier."""
@@ -263,8 +264,13 @@ class Wave(Kind):
     periods = "periods"
 
     def argument(self, motion: Motion) -> Array:
-        """What it is periodic in [rad], (w, l)."""
-        return motion.angle[self.place]
+        """What it is periodic in, a turn being 2 pi, (w, l)."""
+        turned: Array = motion.angle[self.place] * (2.0 * np.pi / motion.turn)
+        return turned
+
+    def possible(self, motion: Motion, shape: Shape) -> bool:
+        """Less than a period of travel could be anything."""
+        return abs(shape[0]) * float(np.ptp(self.argument(motion))) > 2.0 * np.pi
 
     def push(self, values: Array) -> Push:
         return _at(self.place, values)
@@ -528,12 +534,13 @@ class Saturation(Kind):
         return {"limit": abs(shape[0])}
 
 
-def catalogue(channels: int) -> list[Kind]:
-    """Every kind that a record with so many encoders can show."""
+def catalogue(channels: int, linear: bool) -> list[Kind]:
+    """Every kind that a record with so many encoders can show; a ``linear`` scale has no centre."""
     kinds: list[Kind] = []
     for place in range(channels):
         kinds += [Coulomb(place), Stribeck(place), Disturbance(place), FrictionDrift(place)]
-        kinds += [Eccentricity(place)]
+        if not linear:
+            kinds.append(Eccentricity(place))
         if channels == 2:
             kinds += [Viscous(place), EncoderDelay(place)]
     # A constant torque only moves the zero between the encoders when it acts at the table.

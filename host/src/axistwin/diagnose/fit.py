@@ -125,20 +125,29 @@ class Fit:
     def _free(self) -> tuple[Array, Array]:
         """Orthonormal basis (c l, s) of the motion without torque, weighted, and its triangle."""
         free = self.plant.free(self.windows.time_step, self.windows.length)
-        columns = (free * self.weights[:, 0]).reshape(len(free), -1).T
+        columns = self._vectors(free.transpose(1, 0, 2)).T
         q, r = scipy.linalg.qr(columns, mode="economic")
         return q, r
 
+    def _vectors(self, angles: Array) -> Array:
+        """Angles (c, w, l), weighted, as vectors (w, c l)."""
+        vectors: Array = (angles * self.weights).transpose(1, 0, 2).reshape(angles.shape[1], -1)
+        return vectors
+
+    def channels(self, vectors: Array) -> Array:
+        """Weighted vectors (w, c l) as channels (c, w, l), still weighted."""
+        return vectors.reshape(len(vectors), self.windows.channels, -1).transpose(1, 0, 2)
+
     def project(self, angles: Array) -> Array:
         """Angles (c, w, l) as weighted vectors (w, c l) without what initial states can explain."""
-        vectors = (angles * self.weights).transpose(1, 0, 2).reshape(angles.shape[1], -1)
+        vectors = self._vectors(angles)
         q, _ = self._free
         projected: Array = vectors - (vectors @ q) @ q.T
         return projected
 
     def states(self, errors: Array) -> Array:
         """The initial states (w, s) that explain most of the errors (c, w, l)."""
-        vectors = (errors * self.weights).transpose(1, 0, 2).reshape(errors.shape[1], -1)
+        vectors = self._vectors(errors)
         q, r = self._free
         states: Array = scipy.linalg.solve_triangular(r, q.T @ vectors.T).T
         return states
@@ -229,6 +238,7 @@ class Fit:
             grip=grip,
             load=load,
             creep=creep,
+            turn=1.0 if windows.linear else 2.0 * np.pi,
         )
 
     def _trust(self, error: Array) -> Array:

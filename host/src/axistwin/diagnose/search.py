@@ -22,14 +22,19 @@ from axistwin.diagnose.effects import (
     LeadError,
     Motion,
     Offset,
+    Push,
     Ripple,
     Shape,
+    Stribeck,
     Viscous,
+    Wave,
     catalogue,
 )
-from axistwin.diagnose.fit import Fit, solve_normal
-from axistwin.diagnose.linear import Torque
-from axistwin.errors import InputError
+from axistwin.diagnose.fit import Fit, solve, solve_normal
+from axistwin.diagnose.linear import Rigid, Torque
+from axistwin.diagnose.windows import Windows
+from axistwin.errors import InputError, NotEnoughDataError
+from axistwin.identify.samples import Hold
 
 #: Effects that are named at most.
 EFFECTS_MAX = 4
@@ -38,6 +43,12 @@ EFFECTS_MAX = 4
 #: the error squared, and on those held out.
 GAIN_MIN = 30.0
 HELD_OUT_MIN = 10.0
+
+#: A simpler effect that gains this share of what another one does comes first.
+NEARLY = 0.9
+
+#: The share of the held-out error whose loss needs no further proof.
+MOST = 0.5
 
 #: What held-out windows that hold little but noise have to gain when they do not agree.
 ALONE_MIN = 100.0
@@ -55,6 +66,7 @@ T_MIN = 3.0
 #: Waves that are tried of each kind, and the most periods a turn.
 _WAVES = 4
 _PERIODS_MAX = 360.0
+_PERIODS_A_METRE_MAX = 5000.0
 
 #: How often a moment is looked for closer to the best one.
 _LEVELS = 3
@@ -95,9 +107,19 @@ class Trial:
         return float(np.sum((self.before - self.after)[self.held_out]))
 
     @property
+    def share(self) -> float:
+        """The share of the held-out error that is gained."""
+        return self.total / float(np.sum(self.before[self.held_out]))
+
+    @property
     def t(self) -> float:
         """Student's t of the gain of the held-out windows, each on a scale of its own."""
         return student(np.log(self.before / self.after)[self.held_out])
+
+    @property
+    def t_plain(self) -> float:
+        """The same of the gains as they are."""
+        return student((self.before - self.after)[self.held_out])
 
 
 def student(values: Array) -> float:
@@ -214,12 +236,12 @@ class Trials:
 
     # ---- What is periodic
 
-    def _waves(self, kind: Kind) -> list[float]:
+    def _waves(self, kind: Wave) -> list[float]:
         """The numbers of periods that promise most."""
         fit, motion = self.fit, self.motion
         solution = solve_normal(np.sum(self._grams, axis=0), np.sum(self._rights, axis=0))
         error = self._residual - np.einsum("wkn,k->wn", self._columns, solution)
-        channels = error.reshape(len(error), fit.windows.channels, -1).transpose(1, 0, 2)
+        channels = fit.channels(error)
         if isinstance(kind, Disturbance):
             return spectrum.lines(channels, motion.time_step, motion.index, _WAVES)
         channels = channels * fit.weights
@@ -231,11 +253,13 @@ class Trials:
             scores = moved[kind.place, :, ::-1]
         # Windows that end abruptly would spread every slow error over all periods.
         scores = scores * scipy.signal.windows.hann(fit.windows.length)
-        fastest = max(float(np.quantile(np.abs(motion.speed[0]), 0.5)), 1e-12)
-        lowest, highest = 1.0, min(0.9 * np.pi / (fastest * motion.time_step), _PERIODS_MAX)
+        turns = np.abs(motion.speed[kind.place]) * motion.time_step / motion.turn
+        nyquist = 0.45 / max(float(np.quantile(turns, 0.5)), 1e-12)
+        whole = not fit.windows.linear
+        argument = kind.argument(motion)
+        lowest, highest = 1.0, min(nyquist, _PERIODS_MAX if whole else _PERIODS_A_METRE_MAX)
         strength = self._strength(kind, lowest, highest)
-        argument = motion.angle[kind.place]
-        found = spectrum.peaks(argument, scores, lowest, highest, strength, _WAVES, True)
+        found = spectrum.peaks(argument, scores, lowest, highest, strength, _WAVES, whole)
         if isinstance(kind, LeadError):
             found = [periods for periods in found if periods != 1.0]  # that is an eccentricity
         return found
@@ -255,12 +279,16 @@ class Trials:
 def significant(trial: Trial, samples: int) -> bool:
     """Whether an effect helps beyond chance; windows have ``samples`` that tell something.
 
-    The windows have to agree on it, each on its own scale. Where hardly anything but noise is left,
+    The windows have to agree on it, or most of the error has to go. Where hardly anything but noise is left,
     its distribution is known, and what a single window gains can be enough.
     """
     unknowns = max(trial.found.kind.sizes, 1) + len(trial.found.shape)
     scale = max(1.0, float(np.mean(trial.before)) / samples)
-    agreed = trial.t > T_MIN or (scale < _NEARLY_RIGHT and trial.total > ALONE_MIN * scale)
+    agreed = (
+        max(trial.t, trial.t_plain) > T_MIN
+        or trial.share > MOST
+        or (scale < _NEARLY_RIGHT and trial.total > ALONE_MIN * scale)
+    )
     return (
         trial.gain > (GAIN_MIN + 4.0 * unknowns) * scale
         and trial.total > HELD_OUT_MIN * scale
@@ -336,6 +364,29 @@ class State:
             found.plausible and found.kind.possible(self.motion, found.shape)
             for found in self.fit.found
         )
+
+
+def rigid_start(windows: Windows, hold: Hold) -> Rigid:
+    """A first guess of a rigid axis: what its torque moves, with friction and load beside.
+
+    Raises NotEnoughDataError when torque moves nothing.
+    """
+    fit = Fit(windows, hold, Rigid(1.0, 0.0))
+    motion = fit.motion(None)
+    command = motion.command()
+    speed = np.gradient(fit.measured[0], windows.time_step, axis=1)
+    pushes = [
+        Push(command=np.stack([command, command])),
+        Push(motor=-np.sign(speed)),
+        Push(motor=np.ones_like(command)),
+    ]
+    columns = [fit.project(fit.answer(fit.plant, [push])) for push in pushes]
+    inverse = solve(np.stack(columns, axis=1), fit.project(fit.measured), ~windows.held_out)[0]
+    if inverse <= 0.0:
+        raise NotEnoughDataError(
+            "the torque does not explain how the axis moves: excite it with more acceleration"
+        )
+    return Rigid(1.0 / float(inverse), 0.0)
 
 
 def begin(start: Fit) -> list[State]:
@@ -458,11 +509,9 @@ def _sure(state: State, one: Found) -> bool:
         if each is one:
             break
         at += len(each.values)
-    k = len(one.sizes)
-    if k == 0:
-        return True
-    spread = state.covariance[at : at + k, at : at + k]
-    chi2 = float(one.sizes @ np.linalg.pinv(spread, hermitian=True) @ one.sizes)
+    k = max(len(one.sizes), 1)  # a gap, a limit or a delay is the size of an effect without
+    spread, sizes = state.covariance[at : at + k, at : at + k], one.values[:k]
+    chi2 = float(sizes @ np.linalg.pinv(spread, hermitian=True) @ sizes)
     return chi2 > k * T_MIN**2
 
 
@@ -472,7 +521,7 @@ def _left(fit: Fit) -> list[Kind]:
     frictions = [found.kind.place for found in fit.found if isinstance(found.kind, FRICTION)]
     return [
         kind
-        for kind in catalogue(fit.windows.channels)
+        for kind in catalogue(fit.windows.channels, fit.windows.linear)
         if (kind.name not in names or isinstance(kind, SEVERAL))
         and (not isinstance(kind, FrictionDrift) or kind.place in frictions)
     ]
@@ -492,4 +541,12 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
             candidate.against(state, trial.found), state.samples
         ):
             fits.append(candidate)
-    return min(fits, key=lambda candidate: candidate.fitted, default=None)
+    best = min(fits, key=lambda candidate: candidate.fitted, default=None)
+    if best is not None and isinstance(best.fit.found[-1].kind, Stribeck):
+        # What dry friction of one size does nearly as well is that, so far; it can still fall.
+        dry = Coulomb(best.fit.found[-1].kind.place)
+        for one in fits:
+            enough = NEARLY * (state.fitted - best.fitted)
+            if one.fit.found[-1].kind == dry and state.fitted - one.fitted > enough:
+                return one
+    return best

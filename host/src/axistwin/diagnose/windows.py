@@ -17,7 +17,7 @@ from axistwin.core import Array
 from axistwin.errors import NotEnoughDataError
 from axistwin.record import Record
 
-#: A window is this long unless given [s].
+#: A window is this long unless given [s]; a rigid axis, which only drifts, is looked at for half.
 WINDOW = 0.5
 
 #: Windows there have to be at least, and samples in each.
@@ -39,7 +39,7 @@ class Windows:
     """``index`` (w, l): the samples of each window. Channels are cut to (w, l) by cut().
 
     ``time`` (w, l) [s] from the first sample of the record, ``angles`` (c, w, l) as measured [rad],
-    ``torque`` (n,) of the whole record [N m], ``held_out`` (w,).
+    ``torque`` (n,) of the whole record [N m], ``held_out`` (w,). A ``linear`` axis reads m, N.
     """
 
     index: npt.NDArray[np.int64]
@@ -47,6 +47,7 @@ class Windows:
     angles: Array
     torque: Array
     held_out: npt.NDArray[np.bool_]
+    linear: bool
 
     @property
     def count(self) -> int:
@@ -74,11 +75,13 @@ class Windows:
         return cut
 
 
-def cut(record: Record, window: float) -> Windows:
+def cut(record: Record, window: float | None = None) -> Windows:
     """Windows of about ``window`` [s] in the unbroken parts of a record.
 
     Raises NotEnoughDataError when there are too few.
     """
+    if window is None:
+        window = 0.5 * WINDOW if record.theta2 is None else WINDOW
     bounds = np.concatenate([[-1], record.missing, [len(record)]])
     longest = int(np.max(np.diff(bounds))) - 1
     length = min(round(window / record.time_step), longest // WINDOWS_MIN)
@@ -103,6 +106,7 @@ def cut(record: Record, window: float) -> Windows:
         np.stack([angle[index] for angle in angles]),
         record.torque,
         np.arange(len(index)) % FOLD == FOLD - 1,
+        record.linear,
     )
 
 
