@@ -376,8 +376,9 @@ proof: $(BUILD)/packages-build $(BUILD)/packages-proof $(CONTRACT)/axt_contract.
 
 # ---- Hidden: effects in records of an independent simulator, to be found ------------------------------
 
-# The simulator is Python that numba compiles; what it compiled is kept.
-HIDDEN := NUMBA_CACHE_DIR=$(BUILD)/numba PYTHONPATH=tests/hidden
+# The simulator is Python that numba compiles; what it compiled is kept. Two processes share the
+# cores: more threads in each would wait for one another.
+HIDDEN := OMP_NUM_THREADS=1 NUMBA_CACHE_DIR=$(BUILD)/numba PYTHONPATH=tests/hidden
 
 $(VENV)/.hidden: tests/tools/constraints.txt | $(VENV)/.host-test
 	$(PIP) numba

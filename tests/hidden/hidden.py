@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import os
 import secrets
 import sys
 import tempfile
@@ -183,7 +182,6 @@ def _write(arguments: argparse.Namespace) -> None:
 
 def main() -> int:
     """Command line."""
-    os.environ["OMP_NUM_THREADS"] = "1"  # the processes share the cores
     parser = argparse.ArgumentParser(description="effects hidden in records, to be found")
     verbs = parser.add_subparsers(required=True)
     runs = verbs.add_parser("run", help="diagnose records and score the answers")
