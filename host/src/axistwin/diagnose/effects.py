@@ -295,6 +295,7 @@ class Ripple(Wave):
 class Disturbance(Wave):
     effect = "disturbance"
     periods = "frequency"
+    difference = 1e-8  # in a minute even that turns it visibly
 
     def argument(self, motion: Motion) -> Array:
         return motion.time
