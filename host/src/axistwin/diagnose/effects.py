@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 import scipy.interpolate
 
 from axistwin import core
@@ -40,16 +41,17 @@ class Motion:
     """How the axis moves in the windows (w, l), as far as is known.
 
     ``angle``, ``speed``, ``acceleration`` (c, w, l) [rad], the angles as the record counts them;
-    ``torque`` (n,) of the whole record; ``twist`` is without the zero of the encoders. At each place
-    (c, w, l) [N m]: ``friction`` is the torque of the friction that has been found so far, ``grip``
-    up to what it holds the axis at rest, and ``load`` what acts on it beside friction. A speed below
-    ``creep`` (c,) may be none. A ``turn`` is 2 pi rad, or 1 m of a linear axis.
+    ``torque`` (n,) of the whole record; ``twist`` is without the zero of the encoders. At each
+    place (c, w, l) [N m]: ``friction`` is the torque of the friction that has been found so far,
+    ``grip`` up to what it holds the axis at rest, and ``load`` what acts on it beside friction. A
+    speed below ``creep`` (c,) may be none. A ``turn`` is 2 pi rad, or 1 m of a linear
+    axis.
     """
 
     time: Array
     time_step: float
     torque: Array
-    index: Array
+    index: npt.NDArray[np.int64]
     angle: Array
     speed: Array
     acceleration: Array
@@ -142,7 +144,7 @@ class Kind:
 
 
 class Coulomb(Kind):
-    """Dry friction against the motion; near standstill in proportion to speed, as sticking looks."""
+    """Dry friction against the motion; at standstill what holds the load, up to its size."""
 
     effect = "friction_coulomb"
 
@@ -157,6 +159,8 @@ class Coulomb(Kind):
 
 
 class Viscous(Kind):
+    """Friction in proportion to speed."""
+
     effect = "friction_viscous"
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
@@ -170,6 +174,8 @@ class Viscous(Kind):
 
 
 class Stribeck(Kind):
+    """Dry friction on top, of which a higher speed leaves nothing."""
+
     effect = "friction_stribeck"
 
     def shapes(self, motion: Motion) -> Sequence[Shape]:
@@ -213,6 +219,8 @@ class FrictionDrift(Kind):
 
 
 class Offset(Kind):
+    """A constant torque."""
+
     effect = "torque_offset"
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
@@ -225,9 +233,9 @@ class Offset(Kind):
 def _dry(motion: Motion, place: int, share: Callable[[Array], Array], width: float) -> Array:
     """The sign of the speed times ``share`` of it (w, l), as dry friction has it.
 
-    Where the speed reverses, or changes by more than a part of ``width``, between two samples, these
-    share the torque in between so that its area and its moment are right. Where the axis sticks,
-    friction is what it takes to hold the load.
+    Where the speed reverses, or changes by more than a part of ``width``, between two samples,
+    these share the torque in between so that its area and its moment are right. Where the axis
+    sticks, friction is what it takes to hold the load.
     """
     speed = motion.speed[place]
     values = np.sign(speed) * share(speed)
@@ -253,13 +261,17 @@ def _dry(motion: Motion, place: int, share: Callable[[Array], Array], width: flo
         values = values + moved
     stuck = (np.abs(speed) < motion.creep[place]) & (motion.grip[place] > 0.0)
     grip = np.where(stuck, motion.grip[place], 1.0)
-    return np.where(stuck, np.clip(motion.load[place] / grip, -1.0, 1.0) * share(speed), values)
+    holding = np.clip(motion.load[place] / grip, -1.0, 1.0) * share(speed)
+    torque: Array = np.where(stuck, holding, values)
+    return torque
 
 
 # ---- What is periodic: two sizes, of sine and cosine
 
 
 class Wave(Kind):
+    """A sine of some phase; ``periods`` is the name of how many there are, unless there is one."""
+
     sizes = 2
     periods = "periods"
 
@@ -273,6 +285,7 @@ class Wave(Kind):
         return abs(shape[0]) * float(np.ptp(self.argument(motion))) > 2.0 * np.pi
 
     def push(self, values: Array) -> Push:
+        """What a wave of these values (w, l) adds."""
         return _at(self.place, values)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
@@ -288,11 +301,15 @@ class Wave(Kind):
 
 
 class Ripple(Wave):
+    """A torque that repeats with the angle of the motor: cogging, slots, teeth."""
+
     effect = "torque_ripple"
     adjustable = False
 
 
 class Disturbance(Wave):
+    """A torque that repeats with time [s]; its frequency in rad/s."""
+
     effect = "disturbance"
     periods = "frequency"
     difference = 1e-8  # in a minute even that turns it visibly
@@ -302,6 +319,8 @@ class Disturbance(Wave):
 
 
 class LeadError(Wave):
+    """The reading of the table, wrong in a way that repeats with its angle."""
+
     effect = "lead_error"
     adjustable = False
 
@@ -310,6 +329,8 @@ class LeadError(Wave):
 
 
 class Eccentricity(Wave):
+    """An encoder mounted off its centre: wrong once a turn."""
+
     effect = "encoder_eccentricity"
     periods = ""
     adjustable = False
@@ -329,12 +350,16 @@ class Eccentricity(Wave):
 
 
 class Shaft(Kind):
+    """An effect between motor and table."""
+
     @property
     def location(self) -> str:
         return "shaft"
 
 
 class Hardening(Shaft):
+    """A shaft that gets stiffer with the cube of its twist."""
+
     effect = "stiffness_hardening"
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
@@ -345,6 +370,8 @@ class Hardening(Shaft):
 
 
 class StiffnessDrift(Shaft):
+    """A stiffness that changes in proportion to time."""
+
     effect = "stiffness_drift"
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
@@ -456,6 +483,8 @@ class ExtraMode(Kind):
 
 
 class TorqueDelay(Kind):
+    """A command that acts later than the record has it."""
+
     effect = "delay"
     sizes = 0
 
@@ -484,6 +513,8 @@ class TorqueDelay(Kind):
 
 
 class EncoderDelay(TorqueDelay):
+    """A reading that is older than the record has it."""
+
     @property
     def location(self) -> str:
         return f"encoder{self.place + 1}"
@@ -513,6 +544,8 @@ def _late(angle: Array, speed: Array, steps: float, time_step: float) -> Array:
 
 
 class Saturation(Kind):
+    """A drive that gives less torque than it is told, beyond a limit."""
+
     effect = "torque_saturation"
     sizes = 0
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 import scipy.linalg
 import scipy.signal
 
@@ -107,14 +108,14 @@ class Fit:
         angles, speeds = plant.respond(self.windows.time_step, torque, states)
         return angles + errors, speeds
 
+    def _pushes(self, motion: Motion | None) -> list[Push]:
+        """What each effect does along a motion; nothing as long as that is unknown."""
+        return [] if motion is None else [one.push(motion, self.plant) for one in self.found]
+
     def simulate(self, motion: Motion | None, states: Array | None = None) -> tuple[Array, Array]:
         """Angles and speeds (c, w, l) of the model, what its effects do taken along ``motion``."""
-        pushes = (
-            [] if motion is None else [effect.push(motion, self.plant) for effect in self.found]
-        )
-        angles, speeds = self._answer(
-            self.plant, pushes, states, self.windows.cut(self.windows.torque)
-        )
+        command = self.windows.cut(self.windows.torque)
+        angles, speeds = self._answer(self.plant, self._pushes(motion), states, command)
         if self.windows.channels == 2:
             angles[1] += self.zero
         return angles, speeds
@@ -136,7 +137,9 @@ class Fit:
 
     def channels(self, vectors: Array) -> Array:
         """Weighted vectors (w, c l) as channels (c, w, l), still weighted."""
-        return vectors.reshape(len(vectors), self.windows.channels, -1).transpose(1, 0, 2)
+        shape = (len(vectors), self.windows.channels, -1)
+        channels: Array = vectors.reshape(shape).transpose(1, 0, 2)
+        return channels
 
     def project(self, angles: Array) -> Array:
         """Angles (c, w, l) as weighted vectors (w, c l) without what initial states can explain."""
@@ -185,13 +188,11 @@ class Fit:
             )
             return values
 
-        found = () if before is None else self.found
         misread = np.zeros_like(angles)
         torque = np.zeros_like(angles)
         friction = np.zeros_like(angles)
         grip = np.zeros_like(angles)
-        for one in found:
-            push = one.push(before, self.plant)
+        for one, push in zip(self.found, self._pushes(before), strict=False):
             for channel, wrong in enumerate((push.encoder1, push.encoder2)):
                 if wrong is not None:
                     misread[channel] += wrong
@@ -281,6 +282,7 @@ class Fit:
 
     @property
     def values(self) -> Array:
+        """The unknowns (k,) in the order of ``names``."""
         zero = [self.zero] if self.windows.channels == 2 else []
         effects = [value for effect in self.found for value in effect.values]
         return np.array([*self.plant.values, *zero, *effects])
@@ -358,14 +360,14 @@ class Fit:
             residual = fit.residual(motion)
             columns = fit.sensitivity(motion)
             step = solve(columns, residual, ~fit.windows.held_out)
-            before = fit.misfit(residual)
-            moved = fit._line_search(step, motion, before)
+            misfit = fit.misfit(residual)
+            moved = fit._line_search(step, motion, misfit)
             if moved is None:
                 break
             fit = moved
             motion = fit.motion(motion)
             after = fit.misfit(fit.residual(motion))
-            if before - after < tolerance * before:
+            if misfit - after < tolerance * misfit:
                 break
         return fit, motion
 
@@ -399,7 +401,7 @@ class Fit:
         return replace(self, noise=np.maximum(floor, max(rounding, 1e-300)))
 
 
-def solve(columns: Array, residual: Array, chosen: Array) -> Array:
+def solve(columns: Array, residual: Array, chosen: npt.NDArray[np.bool_]) -> Array:
     """Least squares (k,) of residual (w, n) by columns (w, k, n) over the chosen windows."""
     gram = np.einsum("wan,wbn->ab", columns[chosen], columns[chosen], optimize=True)
     right = np.einsum("wan,wn->a", columns[chosen], residual[chosen], optimize=True)

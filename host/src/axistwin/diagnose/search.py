@@ -124,8 +124,9 @@ class Trial:
 
 def student(values: Array) -> float:
     """Student's t of the mean of values."""
-    spread = float(np.std(values, ddof=1)) / np.sqrt(len(values))
-    return float(np.mean(values)) / max(spread, 1e-300)
+    spread = float(np.std(values, ddof=1) / np.sqrt(len(values)))
+    mean = float(np.mean(values))
+    return mean / max(spread, 1e-300)
 
 
 class Trials:
@@ -154,8 +155,10 @@ class Trials:
 
     def _best(self, kind: Kind) -> Trial | None:
         best = self._best_of(kind, self._shapes(kind))
-        for level in range(_LEVELS if best is not None and kind.moment else 0):
-            best = self._best_of(kind, kind.around(self.motion, best.found.shape, level)) or best
+        for level in range(_LEVELS if kind.moment else 0):
+            if best is not None:
+                closer = kind.around(self.motion, best.found.shape, level)
+                best = self._best_of(kind, closer) or best
         if best is None or not kind.adjustable or not best.found.shape:
             return best
         return self._adjusted(best)
@@ -207,7 +210,8 @@ class Trials:
         solution = solve_normal(np.sum(grams[chosen], axis=0), np.sum(rights[chosen], axis=0))
         self._sizes = solution[self._columns.shape[1] :]
         squares = np.sum(residual**2, axis=1)
-        return squares - 2.0 * rights @ solution + (grams @ solution) @ solution
+        left: Array = squares - 2.0 * rights @ solution + (grams @ solution) @ solution
+        return left
 
     def _adjusted(self, best: Trial) -> Trial:
         """The shape adjusted by Gauss-Newton steps, the rest of the model linearised."""
@@ -279,8 +283,8 @@ class Trials:
 def significant(trial: Trial, samples: int) -> bool:
     """Whether an effect helps beyond chance; windows have ``samples`` that tell something.
 
-    The windows have to agree on it, or most of the error has to go. Where hardly anything but noise is left,
-    its distribution is known, and what a single window gains can be enough.
+    The windows have to agree on it, or most of the error has to go. Where hardly anything but
+    noise is left, its distribution is known, and what a single window gains can be enough.
     """
     unknowns = max(trial.found.kind.sizes, 1) + len(trial.found.shape)
     scale = max(1.0, float(np.mean(trial.before)) / samples)

@@ -57,7 +57,7 @@ class Windows:
     @property
     def length(self) -> int:
         """Samples in a window."""
-        return self.index.shape[1]
+        return int(self.index.shape[1])
 
     @property
     def channels(self) -> int:
@@ -67,11 +67,12 @@ class Windows:
     @property
     def time(self) -> Array:
         """Since the first sample of the record [s], (w, l)."""
-        return self.index * self.time_step
+        time: Array = self.time_step * self.index.astype(np.float64)
+        return time
 
-    def cut(self, values: Array, late: int = 0) -> Array:
-        """Values (n,) of a channel in windows (w, l), or those ``late`` samples before."""
-        cut: Array = values[np.maximum(self.index - late, 0)]
+    def cut(self, values: Array) -> Array:
+        """Values (n,) of a channel in windows (w, l)."""
+        cut: Array = values[self.index]
         return cut
 
 

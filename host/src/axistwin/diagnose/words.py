@@ -39,7 +39,7 @@ _PLACES = {
     "torque": "of the torque",
     "encoder1": "of the motor encoder",
     "encoder2": "of the table encoder",
-    "record": "of the record",
+    "record": "in the record",
 }
 
 #: Numbers that read better in another unit: by parameter, factor and unit.
@@ -50,7 +50,7 @@ _SHOWN_AS = {
     "ratio": (100.0, "%"),
     "mass_ratio": (100.0, "%"),
     "fraction": (100.0, "%"),
-    "counts": (1.0, "counts a turn"),
+    "counts": (1.0, "a turn"),
     "periods": (1.0, "a turn"),
 }
 
@@ -64,9 +64,6 @@ _DIGITS_OF_WIDTH, _DIGITS = 2, 3
 
 #: More digits than this nobody reads.
 _DIGITS_MAX = 8
-
-#: Numbers of so many digits are written without a power of ten.
-_PLAIN = 6
 
 #: Per cent below which a share is none, or the whole.
 _SHARE_MIN = 0.005
@@ -117,8 +114,8 @@ def parameter(finding: Finding, name: str, linear: bool) -> Shown:
     """A parameter of a finding, in the unit in which it reads best."""
     unit = parameter_unit(finding.effect, finding.location, name, linear)
     factor, unit = _SHOWN_AS.get(name, (1.0, unit))
-    if linear:
-        unit = unit.replace("a turn", "a metre")
+    if linear and unit == "a turn":
+        unit = "a metre"
     low, high = finding.ci95.get(name, (0.0, 0.0))
     return shown(factor * finding.params[name], unit, (factor * low, factor * high))
 
@@ -162,7 +159,7 @@ class _Number:
         """A number with as many decimals as that one."""
         if not math.isfinite(value):
             return "?"
-        if not -2 <= self._leading < max(_PLAIN, self._digits):
+        if not -2 <= self._leading < 6:
             scale = 10.0**self._leading
             return f"{value / scale:.{self._digits - 1}f}e{self._leading}"
         return f"{value:.{max(self._digits - 1 - self._leading, 0)}f}"
@@ -254,23 +251,15 @@ def paragraph(diagnosis: Diagnosis) -> str:
             f"no fit has seen the simulation is {base} rms off, where noise alone makes {floor}. "
             "Nothing is named, so that nothing is accused wrongly."
         )
-    acting = [one for one in diagnosis.findings if one.gain != 0.0]
-    beside = [cause(one.effect, one.location) for one in diagnosis.findings if one.gain == 0.0]
+    causes = [cause(one.effect, one.location) for one in diagnosis.findings]
+    named = listed(causes)
+    verb, them = ("explains", "it") if len(causes) == 1 else ("explain", "them")
+    whole = sum(one.gain for one in diagnosis.findings)
     ending = (
         "Something is left that is none of the effects known here."
         if diagnosis.unexplained
         else "What is left is noise."
     )
-    if not acting:
-        return (
-            f"There are {listed(beside)}. With that, {_base_model(diagnosis)} simulates "
-            f"windows that no fit has seen to {base} rms, where noise alone makes {floor}. {ending}"
-        )
-    if beside:
-        ending += f" Beside, there are {listed(beside)}."
-    named = listed([cause(one.effect, one.location) for one in acting])
-    verb, them = ("explains", "it") if len(acting) == 1 else ("explain", "them")
-    whole = sum(one.gain for one in acting)
     return (
         f"{named[:1].upper()}{named[1:]} {verb} {percent(whole)} of the error of the simulation: "
         f"with {them} in the model, the error on windows that no fit has seen falls from {base} to "
