@@ -109,31 +109,6 @@ def test_a_cause_that_is_not_the_whole_story_says_so() -> None:
     assert words.verdict(diagnosis) == "Two causes named, and something is left"
 
 
-def test_what_is_of_the_record_explains_no_motion() -> None:
-    lost = Finding("sample_loss", "record", {"fraction": 0.02}, {"fraction": (0.01, 0.03)}, 0.0)
-    diagnosis = examples.found()
-    both = words.paragraph(replace(diagnosis, findings=(*diagnosis.findings, lost)))
-    assert both.endswith("What is left is noise. Beside, there are lost samples of the record.")
-    alone = words.paragraph(replace(examples.healthy(), findings=(lost,)))
-    assert alone.startswith("There are lost samples of the record. With that, an axis of two")
-    assert alone.endswith("What is left is noise.")
-
-
-@pytest.mark.parametrize(
-    ("value", "half", "text"),
-    [
-        (2e7, 2.0, "20000000"),
-        (2e7, 2e5, "2.000e7"),
-        (123456.0, 1e3, "123456"),
-        (4096.0, 0.0, "4096"),
-    ],
-)
-def test_large_numbers_have_a_power_of_ten_unless_all_digits_are_known(
-    value: float, half: float, text: str
-) -> None:
-    assert words.shown(value, "counts a turn", (value - half, value + half)).value == text
-
-
 def test_a_record_that_does_not_tell_gets_advice() -> None:
     diagnosis = replace(examples.healthy(), base_valid=False)
     assert "Measure again with more excitation" in summary.text(diagnosis)
