@@ -220,7 +220,7 @@ CARRIERS: dict[str, Callable[[Path], Carrier]] = {
 INTERFACE = "share with other programs"
 OWN = "harm, fill, or have without a node"
 FD = "send CAN FD frames over"
-ORDER = "see what a node does and what it is told in the order of the bus"
+CLOCK = "meet a node on whose clock the host goes, too"
 # The emulator, for
 OPTIONS = "a node that is built or set as no host can"
 SECOND = "a second node"
@@ -242,7 +242,6 @@ LACKS: dict[str, dict[str, str]] = {
         INTERFACE: _LINE,
         OWN: _LINE,
         SECOND: _LINE,
-        ORDER: _LINE,
         FD: _NO_FD,
         MINUTE: _ON_VCAN,
     },
@@ -250,7 +249,6 @@ LACKS: dict[str, dict[str, str]] = {
         INTERFACE: _LINE,
         OWN: _LINE,
         SECOND: _LINE,
-        ORDER: _LINE,
         FD: _NO_FD,
         OPTIONS: _ON_PTY,
         MINUTE: _ON_VCAN,
@@ -260,7 +258,6 @@ LACKS: dict[str, dict[str, str]] = {
         INTERFACE: _LINE,
         OWN: _LINE,
         SECOND: _LINE,
-        ORDER: _LINE,
         FD: _NO_FD,
         OPTIONS: _BUILT,
         ALONE: _ON_PTY,
@@ -269,7 +266,7 @@ LACKS: dict[str, dict[str, str]] = {
         OWN: "it comes and goes with its node",
         SECOND: _LINE,
         FD: _NO_FD,
-        ORDER: "what has been sent waits at either end, and a guest's seconds are not a board's",
+        CLOCK: "the seconds of a guest last longer than those of the board outside",
         OPTIONS: _BUILT,
         MINUTE: "see firmware",
         ALONE: _ON_PTY,

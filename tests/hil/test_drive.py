@@ -17,7 +17,7 @@ from axistwin import bus
 from axistwin.contract import load_contract
 from axistwin.errors import CommandRefusedError, DriveFaultError
 
-from .carriers import FD, INTERFACE, ORDER, VCAN, Carrier
+from .carriers import CLOCK, FD, INTERFACE, VCAN, Carrier
 from .conftest import Host, connected
 
 CONTRACT = load_contract()
@@ -79,7 +79,7 @@ def test_a_log_says_that_the_drive_went_into_fault(
     outcome.expect(3, "node 1 is in fault, its torque off: the axis is faster than its speed limit")
 
 
-@pytest.mark.needs(INTERFACE, ORDER)
+@pytest.mark.needs(INTERFACE, CLOCK)
 def test_torque_stops_soon_after_the_last_heartbeat_of_a_killed_host(carrier: Carrier) -> None:
     """By the node's own clock, the sample counter of its stream, in the order of the bus."""
     carrier.start()

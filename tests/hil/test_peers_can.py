@@ -23,7 +23,7 @@ import pytest
 
 from axistwin.readers import read_record
 
-from .carriers import INTERFACE, OWN, REPOSITORY, Carrier, EmulatorCarrier
+from .carriers import CLOCK, INTERFACE, OWN, REPOSITORY, Carrier, EmulatorCarrier
 from .conftest import wait_until
 
 # The contract's identifiers are those of node 0: these bits of an identifier say which message.
@@ -165,6 +165,7 @@ def test_cantools_decodes_frames_by_our_contract(carrier: Carrier) -> None:
 
 
 @streaming
+@pytest.mark.needs(CLOCK)
 def test_cantools_monitors_by_our_contract(carrier: Carrier) -> None:
     bus = ("-i", "socketcan", "-c", carrier.channel)
     on_screen(
