@@ -139,9 +139,7 @@ class Trials:
         self._held_out = fit.windows.held_out
         self._grams = self._columns @ self._columns.transpose(0, 2, 1)
         self._rights = (self._columns @ self._residual[:, :, None])[:, :, 0]
-        self._before = self._error(
-            np.zeros((len(self._residual), 0, 0)), None, None, self._residual
-        )
+        _, self._before = self._fitted(self._columns[:, :0], self._residual)
 
     def run(self, kinds: Sequence[Kind], progress: Progress) -> list[Trial]:
         """The best of each kind, the most helpful first."""
@@ -181,48 +179,45 @@ class Trials:
         if not found.kind.possible(self.motion, found.shape):
             return None
         columns = self.fit.by_size(found, self.motion)
-        fixed = self._residual
-        if found.kind.sizes == 0:
-            push = found.push(self.motion, self.fit.plant)
-            fixed = self._residual - self.fit.project(self.fit.answer(self.fit.plant, [push]))
-        stack = np.stack(columns, axis=1) if columns else np.zeros((len(fixed), 0, fixed.shape[1]))
-        cross = stack @ self._columns.transpose(0, 2, 1)
-        after = self._error(stack, cross, None, fixed)
-        sizes = self._sizes
+        if columns:
+            sizes, after = self._fitted(np.stack(columns, axis=1), self._residual)
+        else:
+            residual = self._without(found)
+            sizes, after = self._fitted(self._columns[:, :0], residual)
         candidate = replace(found, sizes=sizes)
         if not np.all(np.isfinite(sizes)) or not candidate.plausible:
             return None
         return Trial(candidate, self._before, after, self._held_out)
 
-    def _error(self, stack: Array, cross: Array | None, _: None, residual: Array) -> Array:
-        """Sum of squares (w,) of each window after a least-squares fit to those not held out."""
-        rights = (
-            self._rights
-            if residual is self._residual
-            else (self._columns @ residual[:, :, None])[:, :, 0]
+    def _without(self, found: Found) -> Array:
+        """The errors (w, n) less what an effect adds."""
+        push = found.push(self.motion, self.fit.plant)
+        return self._residual - self.fit.project(self.fit.answer(self.fit.plant, [push]))
+
+    def _fitted(self, own: Array, residual: Array) -> tuple[Array, Array]:
+        """Least squares of errors (w, n) by the columns of the fit and further ones (w, k, n).
+
+        Returns what the further ones take (k,), by the windows that are not held out, and the
+        squared errors (w,) that are left.
+        """
+        cross = own @ self._columns.transpose(0, 2, 1)
+        square = own @ own.transpose(0, 2, 1)
+        grams = np.block([[self._grams, cross.transpose(0, 2, 1)], [cross, square]])
+        rights = np.concatenate(
+            [(columns @ residual[:, :, None])[:, :, 0] for columns in (self._columns, own)], axis=1
         )
-        grams = self._grams
-        if cross is not None and stack.shape[1]:
-            own = stack @ stack.transpose(0, 2, 1)
-            grams = np.block([[grams, cross.transpose(0, 2, 1)], [cross, own]])
-            rights = np.concatenate([rights, (stack @ residual[:, :, None])[:, :, 0]], axis=1)
         chosen = ~self._held_out
         solution = solve_normal(np.sum(grams[chosen], axis=0), np.sum(rights[chosen], axis=0))
-        self._sizes = solution[self._columns.shape[1] :]
         squares = np.sum(residual**2, axis=1)
         left: Array = squares - 2.0 * rights @ solution + (grams @ solution) @ solution
-        return left
+        return solution[self._columns.shape[1] :], left
 
     def _adjusted(self, best: Trial) -> Trial:
         """The shape adjusted by Gauss-Newton steps, the rest of the model linearised."""
         for _ in range(_STEPS):
             found = best.found
-            push = found.push(self.motion, self.fit.plant)
-            fixed = self._residual - self.fit.project(self.fit.answer(self.fit.plant, [push]))
             own = np.stack(self.fit.columns(found, self.motion), axis=1)
-            cross = own @ self._columns.transpose(0, 2, 1)
-            self._error(own, cross, None, fixed)
-            step = self._sizes
+            step, _ = self._fitted(own, self._without(found))
             for halving in range(4):
                 values = found.values + step * 0.5**halving
                 try:
