@@ -18,10 +18,11 @@ from hypothesis import strategies as st
 from axistwin.core import Array, Axis, Effect
 from axistwin.diagnose import diagnose, windows
 from axistwin.diagnose.answer import stiff
-from axistwin.diagnose.effects import Coulomb, Found, Kind, catalogue
+from axistwin.diagnose.effects import Coulomb, Found, Kind, TorqueDelay, catalogue
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Plant, Rigid, Torque, TwoInertias
 from axistwin.diagnose.search import State, Trials
+from axistwin.identify.samples import Hold
 from axistwin.model import Model
 from axistwin.record import Record
 
@@ -44,13 +45,13 @@ def torque() -> Array:
     return swing
 
 
-def record(*effects: Effect, axis: Axis = AXIS, length: int = LENGTH) -> Record:
+def record(*effects: Effect, axis: Axis = AXIS, length: int = LENGTH, hold: Hold = "zoh") -> Record:
     """What the machine does under torque(), at rest in the beginning."""
     random = np.random.default_rng(2)
     acting = torque()[:length]
     motor, table = (
         angle + NOISE * random.standard_normal(length)
-        for angle in Model(axis, effects).simulate(acting, STEP, substeps=SUBSTEPS)
+        for angle in Model(axis, effects).simulate(acting, STEP, hold=hold, substeps=SUBSTEPS)
     )
     return Record(STEP * np.arange(length, dtype=np.float64), acting, motor, STEP, table)
 
@@ -135,6 +136,28 @@ def test_the_machine_and_the_engine_have_the_same_physics(effect: Effect) -> Non
         truth = effect.params[parameter]
         assert value == pytest.approx(truth, rel=0.02), parameter
     np.testing.assert_allclose(after.fit.plant.values, TwoInertias(AXIS).values, rtol=0.01)
+
+
+HOLDS: list[Hold] = ["zoh", "foh"]
+
+
+@pytest.mark.parametrize("hold", HOLDS)
+def test_the_torque_goes_on_between_samples_as_is_said(hold: Hold) -> None:
+    """Taken otherwise, it would be half a sample early or late."""
+    cut = windows.cut(record(hold=hold), 0.25)
+    for assumed in HOLDS:
+        fit = Fit(cut, assumed, TwoInertias(AXIS), noise=np.full(2, NOISE))
+        state = State.as_is(fit, fit.motion(None))
+        assert (state.scale < 1.1) == (assumed == hold)
+
+
+@pytest.mark.parametrize("hold", HOLDS)
+def test_a_delay_of_any_part_of_a_sample_is_found(hold: Hold) -> None:
+    late = Effect("delay", "torque", {"time": 1.7e-3})
+    fit = Fit(windows.cut(record(late, hold=hold), 0.25), hold, TwoInertias(AXIS))
+    fit = fit.with_noise(fit.motion(None))
+    found = Trials(fit, fit.motion(None)).run([TorqueDelay()], lambda _: None)[0].found
+    assert found.params["time"] == pytest.approx(1.7e-3, rel=0.01)
 
 
 def cut_of(plant: Plant) -> Fit:

@@ -98,13 +98,12 @@ class Fit:
                     errors[channel] += wrong
             if push.command is not None:
                 commanded += push.command
-        if self.hold == "zoh":
-            torque = Torque.smooth(smooth)
-            torque.first[0] += commanded[0]
-            torque.last[0] += commanded[1]
-        else:
-            smooth[0] += commanded[0]
-            torque = Torque.smooth(smooth)
+        if self.hold != "zoh":  # straight from sample to sample
+            line = np.mean(commanded, axis=0)
+            commanded = np.stack([line, np.concatenate([line[:, 1:], line[:, -1:]], axis=1)])
+        torque = Torque.smooth(smooth)
+        torque.first[0] += commanded[0]
+        torque.last[0] += commanded[1]
         angles, speeds = plant.respond(self.windows.time_step, torque, states)
         return angles + errors, speeds
 
