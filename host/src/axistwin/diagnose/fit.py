@@ -33,6 +33,9 @@ _DEGREE = 3
 #: A speed this many times its noise has a known sign.
 _KNOWN_SIGN = 2.0
 
+#: As long as the noise is not known: the share of the usual speed.
+_CREEP = 0.02
+
 #: Smoothed errors up to this many times what noise leaves are noise.
 _SURELY_NOISE = 1.2
 
@@ -40,6 +43,17 @@ _HALVINGS = 6
 
 #: A parameter of the plant changes by this factor at most in a step.
 _FACTOR = 2.0
+
+
+@dataclass(frozen=True)
+class _Acting:
+    """What effects do (c, w, l): errors of the encoders [rad], and at each place [N m] the torque,
+    the part of it that is friction, and up to what that holds the axis at rest."""
+
+    misread: Array
+    torque: Array
+    friction: Array
+    grip: Array
 
 
 @dataclass(frozen=True)
@@ -90,12 +104,8 @@ class Fit:
         if command is not None:
             commanded += command
         for push in pushes:
-            for place, acting in enumerate((push.motor, push.table)):
-                if acting is not None:
-                    smooth[place] += acting
-            for channel, wrong in enumerate((push.encoder1, push.encoder2)):
-                if wrong is not None:
-                    errors[channel] += wrong
+            _add(smooth, push.motor, push.table)
+            _add(errors, push.encoder1, push.encoder2)
             if push.command is not None:
                 commanded += push.command
         if self.hold != "zoh":  # straight from sample to sample
@@ -173,73 +183,83 @@ class Fit:
         The simulation carries the fast part, and the smoothed difference to what was measured is
         added. ``before`` is the motion along which effects act in that simulation.
         """
-        windows, count = self.windows, self.smoothing
-        angles, _ = self.simulate(before)
-        states = self.states(self.measured - angles)
-        angles, speeds = self.simulate(before, states)
-        error = self.measured - angles
-
-        trust = self._trust(error)
-
-        def smoothed(order: int) -> Array:
-            values: Array = trust * scipy.signal.savgol_filter(
-                error, count, _DEGREE, deriv=order, delta=windows.time_step, axis=2
-            )
-            return values
-
-        misread = np.zeros_like(angles)
-        torque = np.zeros_like(angles)
-        friction = np.zeros_like(angles)
-        grip = np.zeros_like(angles)
-        for one, push in zip(self.found, self._pushes(before), strict=False):
-            for channel, wrong in enumerate((push.encoder1, push.encoder2)):
-                if wrong is not None:
-                    misread[channel] += wrong
-            for place, acting in enumerate((push.motor, push.table)):
-                if acting is not None:
-                    torque[place] += acting
-                    if isinstance(one.kind, FRICTION):
-                        friction[place] += acting
-                    if isinstance(one.kind, DRY):
-                        grip[place] += one.sizes[0]
-        if windows.channels == 2:
-            misread[1] += self.zero
-        true = angles - misread
-        acceleration = smoothed(2)
-        load = torque - friction
+        windows = self.windows
+        angles, speeds = self.simulate(before, self._starts(before))
+        missed = self._missed(self.measured - angles)
+        acting = self._acting(before)
+        angles = angles - acting.misread
+        load = acting.torque - acting.friction
         load[0] += windows.cut(windows.torque)
-        twist = np.zeros_like(true[0])
-        twist_speed = np.zeros_like(true[0])
+        acceleration = missed[2]
+        twist, twist_speed = np.zeros((2, *load.shape[1:]))
         if isinstance(self.plant, TwoInertias):
             axis = self.plant.axis
-            twist = (true[0] - true[1]) + smoothed(0)[0] - smoothed(0)[1]
-            twist_speed = (speeds[0] - speeds[1]) + smoothed(1)[0] - smoothed(1)[1]
-            shaft = axis.K * (true[0] - true[1]) + axis.B * (speeds[0] - speeds[1])
-            acceleration[1] += (shaft + torque[1]) / axis.I2
+            shaft = axis.K * (angles[0] - angles[1]) + axis.B * (speeds[0] - speeds[1])
             load[0] -= shaft
             load[1] += shaft
-        spread = np.ones(windows.channels) if self.noise is None else self.noise
-        gain = float(np.linalg.norm(scipy.signal.savgol_coeffs(count, _DEGREE, 1)))
-        creep = _KNOWN_SIGN * gain * spread / windows.time_step
-        speed = speeds + smoothed(1)
-        if self.noise is None:
-            creep = 0.02 * np.sqrt(np.mean(speed**2, axis=(1, 2)))
+            acceleration[1] += (shaft + acting.torque[1]) / axis.I2
+            twist = angles[0] - angles[1] + missed[0][0] - missed[0][1]
+            twist_speed = speeds[0] - speeds[1] + missed[1][0] - missed[1][1]
+        speed = speeds + missed[1]
         return Motion(
             time=windows.time,
             time_step=windows.time_step,
             torque=windows.torque,
             index=windows.index,
-            angle=true + smoothed(0) + self._origin,
+            angle=angles + missed[0] + self._origin,
             speed=speed,
             acceleration=acceleration,
             twist=twist,
             twist_speed=twist_speed,
-            friction=friction,
-            grip=grip,
+            friction=acting.friction,
+            grip=acting.grip,
             load=load,
-            creep=creep,
+            creep=self._creep(speed),
             turn=1.0 if windows.linear else 2.0 * np.pi,
         )
+
+    def _starts(self, motion: Motion | None) -> Array:
+        """The initial state (w, s) that suits each window."""
+        return self.states(self.measured - self.simulate(motion)[0])
+
+    def _acting(self, motion: Motion | None) -> _Acting:
+        """What the effects that have been found do along a motion."""
+        misread, torque, friction, grip = np.zeros((4, *self.windows.angles.shape))
+        for one, push in zip(self.found, self._pushes(motion), strict=False):
+            _add(misread, push.encoder1, push.encoder2)
+            _add(torque, push.motor, push.table)
+            if isinstance(one.kind, FRICTION):
+                _add(friction, push.motor, push.table)
+            if isinstance(one.kind, DRY):
+                grip[one.kind.place] += one.sizes[0]
+        if self.windows.channels == 2:
+            misread[1] += self.zero
+        return _Acting(misread, torque, friction, grip)
+
+    def _missed(self, error: Array) -> list[Array]:
+        """The motion that a simulation with this error (c, w, l) lacks, and two derivatives."""
+        trust = self._trust(error)
+        return [
+            trust
+            * scipy.signal.savgol_filter(
+                error,
+                self.smoothing,
+                _DEGREE,
+                deriv=order,
+                delta=self.windows.time_step,
+                axis=2,
+            )
+            for order in range(3)
+        ]
+
+    def _creep(self, speed: Array) -> Array:
+        """The speeds (c,) that may be none, from what noise makes of the smoothed error."""
+        if self.noise is None:
+            share: Array = _CREEP * np.sqrt(np.mean(speed**2, axis=(1, 2)))
+            return share
+        kept = np.linalg.norm(scipy.signal.savgol_coeffs(self.smoothing, _DEGREE, 1))
+        creep: Array = _KNOWN_SIGN * float(kept) * self.noise / self.windows.time_step
+        return creep
 
     def _trust(self, error: Array) -> Array:
         """How much of the smoothed error (c, w, l) is motion that the simulation lacks, by channel.
@@ -292,14 +312,12 @@ class Fit:
 
     def simulation_error(self, motion: Motion) -> Array:
         """Measured less simulated angles (c, w, l), each window from the state that suits it."""
-        states = self.states(self.measured - self.simulate(motion)[0])
-        error: Array = self.measured - self.simulate(motion, states)[0]
+        error: Array = self.measured - self.simulate(motion, self._starts(motion))[0]
         return error
 
     def sensitivity(self, motion: Motion) -> Array:
         """Derivatives (w, k, c l) of the simulation by the unknowns, weighted and projected."""
-        base, _ = self.simulate(motion)
-        states = self.states(self.measured - base)
+        states = self._starts(motion)
         base, _ = self.simulate(motion, states)
         values, k = self.values, len(self.plant.names)
         columns = []
@@ -393,11 +411,16 @@ class Fit:
 
     def with_noise(self, motion: Motion) -> Fit:
         """The same, each channel weighted by its noise."""
-        angles, _ = self.simulate(motion)
-        states = self.states(self.measured - angles)
-        floor = noise_floor(self.measured - self.simulate(motion, states)[0])
+        floor = noise_floor(self.simulation_error(motion))
         rounding = 1e-15 * float(np.max(np.abs(self.windows.angles)))
         return replace(self, noise=np.maximum(floor, max(rounding, 1e-300)))
+
+
+def _add(sums: Array, *parts: Array | None) -> None:
+    """Adds to each channel or place of sums (c, w, l) its part (w, l)."""
+    for one, part in enumerate(parts):
+        if part is not None:
+            sums[one] += part
 
 
 def solve(columns: Array, residual: Array, chosen: npt.NDArray[np.bool_]) -> Array:
