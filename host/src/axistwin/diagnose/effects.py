@@ -23,6 +23,9 @@ Shape = tuple[float, ...]
 #: Moments at which the load may have changed that are tried first.
 _MOMENTS = 64
 
+#: Windows that have to be left on either side of a moment.
+_SOME = 3
+
 #: A mode that is damped more than this shows no resonance of its own.
 _NO_RESONANCE = 0.15
 
@@ -443,6 +446,11 @@ class LoadChange(Kind):
 
     def plausible(self, sizes: Array, shape: Shape) -> bool:
         return bool(sizes[0] > -1.0)
+
+    def possible(self, motion: Motion, shape: Shape) -> bool:
+        """There have to be some windows before and after."""
+        first, last = float(motion.time[_SOME, 0]), float(motion.time[-_SOME, -1])
+        return first < shape[0] < last
 
 
 class ExtraMode(Kind):
