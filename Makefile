@@ -362,8 +362,9 @@ $(BENCH_PEERS): $(BUILD)/bench/%: tests/bench/%.c Makefile | $(BUILD)/packages-b
 .PHONY: bench
 ## bench     cost and survival beside their targets (build/bench.json); PART=instructions.cortex-m4f: only that
 bench: $(BUILD)/packages-build $(BUILD)/packages-bench $(BUILD)/packages-hil $(VENV)/.bench \
-		$(VENV)/.host $(BENCH_PEERS) $(BUILD)/axistwin-emulator
-	CORE_FLAGS="$(CORE_FLAGS)" PYTHONPATH=tests/tools $(VENV)/bin/python tests/bench/bench.py $(PART)
+		$(VENV)/.hidden $(VENV)/.host $(BENCH_PEERS) $(BUILD)/axistwin-emulator
+	CORE_FLAGS="$(CORE_FLAGS)" NUMBA_CACHE_DIR=$(BUILD)/numba PYTHONPATH=tests/tools:tests/hidden:tests/host \
+	    $(VENV)/bin/python tests/bench/bench.py $(PART)
 
 # ---- Proof: for all values, not for those that a test tries ------------------------------------------
 

@@ -4,9 +4,9 @@
 
 Without PART everything is measured and build/bench.json written (a few minutes, or half an hour
 where vcan needs an emulated machine). A PART measures only that and takes the place of what
-build/bench.json had of it: `instructions`, `bytes`, `survival`, `host`, `bus`, or one of their
-members, such as `instructions.cortex-m4f` or `bus.modbus`. `bus.ten_minutes`, a full bus for
-that long, is measured only when it is named.
+build/bench.json had of it: `instructions`, `bytes`, `survival`, `host`, `simulation`, `diagnosis`,
+`bus`, or one of their members, such as `instructions.cortex-m4f` or `bus.modbus`.
+`bus.ten_minutes`, a full bus for that long, is measured only when it is named.
 
 Instructions are counted one call at a time: `mean` is over normal running, `max` over everything
 that can happen, standing still and samples that are not numbers included. The exit status is 1 when
@@ -23,15 +23,17 @@ from pathlib import Path
 from typing import Any
 
 import bus
+import diagnosis
 import footprint
 import instructions
 import modbus
+import simulation
 import speed
 import survival
 from toolchain import BOARDS, HOST, TARGETS, BenchError, run
 
 OUTPUT = Path("build/bench.json")
-PARTS = ("instructions", "bytes", "survival", "host", "bus")
+PARTS = ("instructions", "bytes", "survival", "host", "simulation", "diagnosis", "bus")
 
 Figures = dict[str, Any]
 
@@ -62,6 +64,7 @@ LIMITS = [
     Limit(("survival", "collinear_made_up", "error"), 5e-3),
     Limit(("survival", "collinear_axis_3x2", "error"), 1e-5),
     Limit(("survival", "collinear_axis_5x4", "error"), 1e-5),
+    Limit(("diagnosis", "axistwin", "seconds_for_60_s"), 20),
     *(
         Limit(("bus", stream, what), 0)
         for stream in ("full_bus", "ten_minutes", "fd")
@@ -137,6 +140,13 @@ def measure(selection: Selection) -> Figures:
         wanted = [what for what in speed.PEERS if selection.wants("host", what)]
         figures["host"] = {what: speed.compare(core, what) for what in wanted}
         figures["nanoseconds"] = {HOST: speed.step_times(core)}
+    for part, members, one in (
+        ("simulation", simulation.WAYS, simulation.measure),
+        ("diagnosis", diagnosis.FINDERS, diagnosis.measure),
+    ):
+        chosen = [member for member in members if selection.wants(part, member)]
+        if chosen:
+            figures[part] = {member: one(member) for member in chosen}
     if selection.wants_inside("survival"):
         program = survival.program()
         wanted = [case for case in survival.cases(program) if selection.wants("survival", case)]
@@ -258,6 +268,35 @@ def print_host(figures: Figures) -> None:
         )
 
 
+def print_simulation(figures: Figures) -> None:
+    """One line a way."""
+    print(f"\n{'5 s of a worn axis':<32}{'seconds':>10}{'error of twist':>16}{'of theta1':>12}")
+    for way, one in figures.items():
+        print(
+            f"  {way:<30}{one['seconds']:>10.4f}{one['twist_error']:>16.2g}"
+            f"{one['theta1_error']:>8.1g} rad"
+        )
+
+
+def print_diagnosis(figures: Figures, judgement: Judgement) -> None:
+    """One line a finder."""
+    print("\ndry friction at the table, 30 s to learn from, the rest unseen")
+    print(
+        f"  {'':<18}{'seconds':>8}{'named':>7}{'its error':>11}{'terms too many':>16}{'unseen':>9}"
+    )
+    for finder, one in figures.items():
+        error = f"{100.0 * one['torque_error']:.1f} %" if "torque_error" in one else "-"
+        extra = "-" if one["terms_too_many"] is None else str(one["terms_too_many"])
+        print(
+            f"  {finder:<18}{one['seconds']:>8.1f}{'yes' if one['named'] else 'no':>7}{error:>11}"
+            f"{extra:>16}{one['unseen_error']:>9.2g}"
+        )
+    if "axistwin" in figures:
+        whole = figures["axistwin"]["seconds_for_60_s"]
+        limit = judgement.mark("diagnosis", "axistwin", "seconds_for_60_s")
+        print(f"  all 60 s, 1 kHz, two encoders, whole catalogue: {whole:.1f} s  {limit}")
+
+
 def print_bus(figures: Figures, judgement: Judgement) -> None:
     """One line a figure; histograms are for the file."""
     print("\nbus (vcan; seconds are those of the machine that has it)")
@@ -291,6 +330,10 @@ def print_all(figures: Figures, judgement: Judgement) -> None:
             print(f"  {what:<20}{value:>8.1f}")
     if figures.get("host"):
         print_host(figures["host"])
+    if "simulation" in figures:
+        print_simulation(figures["simulation"])
+    if "diagnosis" in figures:
+        print_diagnosis(figures["diagnosis"], judgement)
     if "survival" in figures:
         print_survival(figures["survival"], judgement)
     if "bus" in figures:
