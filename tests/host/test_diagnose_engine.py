@@ -81,7 +81,7 @@ CASES = [
     Effect("delay", "torque", {"time": 1.7e-3}),
     Effect("torque_saturation", "motor", {"limit": 0.3}),
     Effect("torque_offset", "motor", {"torque": 0.01}),
-    Effect("torque_ripple", "motor", {"amplitude": 0.01, "periods": 6.0, "phase": 0.7}),
+    Effect("torque_ripple", "motor", {"amplitude": 0.01, "periods": 12.0, "phase": 0.7}),
     Effect("stiffness_hardening", "shaft", {"coefficient": 1e5}),
     Effect("stiffness_drift", "shaft", {"rate": 0.02}),
     Effect("backlash", "shaft", {"gap": 2e-3}),

@@ -63,8 +63,10 @@ SEVERAL = (Ripple, LeadError)
 #: Student's t of the gain of the held-out windows.
 T_MIN = 3.0
 
-#: Waves that are tried of each kind, and the most periods a turn.
+#: Waves that are tried of each kind, the share of a window that is tapered to find them, and the
+#: most periods a turn.
 _WAVES = 4
+_TAPERED = 0.3
 _PERIODS_MAX = 360.0
 _PERIODS_A_METRE_MAX = 5000.0
 
@@ -250,8 +252,9 @@ class Trials:
             backwards = np.ascontiguousarray(channels[:, :, ::-1])
             moved, _ = fit.plant.respond(motion.time_step, Torque.smooth(backwards))
             scores = moved[kind.place, :, ::-1]
-        # Windows that end abruptly would spread every slow error over all periods.
-        scores = scores * scipy.signal.windows.hann(fit.windows.length)
+        # Windows that end abruptly would spread every slow error over all periods; what is far from
+        # the ends has to keep its weight, or scores would not be what waves are worth.
+        scores = scores * scipy.signal.windows.tukey(fit.windows.length, _TAPERED)
         turns = np.abs(motion.speed[kind.place]) * motion.time_step / motion.turn
         nyquist = 0.45 / max(float(np.quantile(turns, 0.5)), 1e-12)
         whole = not fit.windows.linear
