@@ -559,7 +559,7 @@ class Saturation(Kind):
 
     def shapes(self, motion: Motion) -> Sequence[Shape]:
         size = np.abs(motion.torque)
-        levels = np.quantile(size, (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.998))
+        levels = np.quantile(size, 1.0 - np.geomspace(0.5, 1e-3, 20))
         near = np.array([0.7, 0.8, 0.9, 0.95, 0.98, 0.995]) * float(np.max(size))
         return [(float(level),) for level in np.unique([*levels, *near]) if level > 0.0]
 

@@ -41,6 +41,9 @@ _SURELY_NOISE = 1.2
 
 _HALVINGS = 6
 
+#: Rounds in a row without a better fit that are put up with.
+_RISES = 2
+
 #: A parameter of the plant changes by this factor at most in a step.
 _FACTOR = 2.0
 
@@ -366,27 +369,35 @@ class Fit:
         return float(values[i])
 
     def adjust(
-        self, before: Motion | None = None, rounds: int = 16, tolerance: float = 1e-4
+        self, before: Motion | None = None, rounds: int = 16, tolerance: float = 1e-6
     ) -> tuple[Fit, Motion]:
         """The best unknowns near the present ones, and the motion along which effects act then.
 
         ``before`` is the motion known so far, ``tolerance`` the relative gain that ends it.
         """
         fit, motion = self, before if before is not None else self.motion(None)
+        best = (np.inf, fit, motion)
+        rises = 0
         for _ in range(rounds):
             residual = fit.residual(motion)
-            columns = fit.sensitivity(motion)
-            step = solve(columns, residual, ~fit.windows.held_out)
             misfit = fit.misfit(residual)
+            if not np.isfinite(misfit):
+                break
+            rises = rises + 1 if misfit > best[0] * (1.0 - tolerance) else 0
+            if misfit < best[0]:
+                best = (misfit, fit, motion)
+            if rises > _RISES:
+                break
+            step = solve(fit.sensitivity(motion), residual, ~fit.windows.held_out)
             moved = fit._line_search(step, motion, misfit)
             if moved is None:
                 break
             fit = moved
+            # The motion known now is another one, along which the error may have grown.
             motion = fit.motion(motion)
-            after = fit.misfit(fit.residual(motion))
-            if misfit - after < tolerance * misfit:
-                break
-        return fit, motion
+        if fit.misfit(fit.residual(motion)) < best[0]:
+            return fit, motion
+        return best[1], best[2]
 
     def misfit(self, residual: Array) -> float:
         """Sum of squares where the fit may look."""
@@ -431,7 +442,12 @@ def solve(columns: Array, residual: Array, chosen: npt.NDArray[np.bool_]) -> Arr
 
 
 def solve_normal(gram: Array, right: Array) -> Array:
-    """The least-squares solution of scaled normal equations; what is not determined stays 0."""
+    """The least-squares solution of scaled normal equations; what is not determined stays 0.
+
+    All of it where something has run away.
+    """
+    if not (np.all(np.isfinite(gram)) and np.all(np.isfinite(right))):
+        return np.zeros_like(right)
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     values, vectors = np.linalg.eigh(gram / np.outer(size, size))
     good = values > 1e-11 * values[-1]

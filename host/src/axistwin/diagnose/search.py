@@ -438,7 +438,12 @@ def look(bases: Sequence[State], progress: Progress) -> Search:
         if revised is None:
             break
         found = revised
-    return _understood(found)
+    honest = min([*bases, *(State.of(base.fit, base.motion) for base in bases)], key=_fitted)
+    return _understood(replace(found, states=(honest, *found.states[1:])))
+
+
+def _fitted(state: State) -> float:
+    return state.fitted
 
 
 def _extended(states: list[State], tried: list[tuple[Trial, ...]], progress: Progress) -> Search:
