@@ -104,22 +104,18 @@ class _Answer:
 
     def _findings(self) -> list[Finding]:
         states, whole = self._search.states, _held_out(self._base)
-        at = len(self._final.fit.values) - sum(len(one.values) for one in self._final.fit.found)
         findings = []
         for i, found in enumerate(self._final.fit.found):
-            k = len(found.values)
-            spread = self._final.covariance[at : at + k, at : at + k]
             gain = (_held_out(states[i]) - _held_out(states[i + 1])) / whole
             findings.append(
                 Finding(
                     found.kind.effect,
                     found.kind.location,
                     found.params,
-                    _intervals(found, spread, _factor(self._final)),
+                    _intervals(found, self._final.spread(i), _factor(self._final)),
                     gain,
                 )
             )
-            at += k
         return findings
 
     def _of_the_record(self) -> list[Finding]:

@@ -272,7 +272,7 @@ class Trials:
         tried = np.geomspace(lowest, highest, 24)
         moved = []
         for periods in tried:
-            columns = fit.columns(Found(kind, np.zeros(2), (float(periods),)), motion)[:2]
+            columns = fit.by_size(Found(kind, np.zeros(2), (float(periods),)), motion)
             moved.append(sum(float(np.sum(column**2)) for column in columns))
         logs = np.log(np.maximum(moved, 1e-300))
         return lambda wanted: np.exp(np.interp(np.log(wanted), np.log(tried), logs))
@@ -358,6 +358,13 @@ class State:
         more = np.maximum(more, 1.0)
         spread: Array = clustered * np.outer(more, more)
         return spread
+
+    def spread(self, i: int) -> Array:
+        """Covariance of the values of the i-th effect."""
+        counts = [len(one.values) for one in self.fit.found]
+        start = len(self.fit.values) - sum(counts[i:])
+        chosen = slice(start, start + counts[i])
+        return self.covariance[chosen, chosen]
 
     @property
     def plausible(self) -> bool:
@@ -497,7 +504,7 @@ def _understood(search: Search) -> Search:
     Nor is anything named whose size may be none.
     """
     states = list(search.states)
-    sure = [one for one in states[-1].fit.found if _sure(states[-1], one)]
+    sure = [one for i, one in enumerate(states[-1].fit.found) if _sure(states[-1], i)]
     if len(sure) < len(states) - 1:
         states = _chain(search, sure)
     if states[-1].scale > UNEXPLAINED:
@@ -509,15 +516,11 @@ def _understood(search: Search) -> Search:
     return Search(tuple(states), search.trials[: len(states)])
 
 
-def _sure(state: State, one: Found) -> bool:
-    """Whether the sizes of an effect are not nothing."""
-    at = len(state.fit.values) - sum(len(each.values) for each in state.fit.found)
-    for each in state.fit.found:
-        if each is one:
-            break
-        at += len(each.values)
+def _sure(state: State, i: int) -> bool:
+    """Whether the sizes of the i-th effect are not nothing."""
+    one = state.fit.found[i]
     k = max(len(one.sizes), 1)  # a gap, a limit or a delay is the size of an effect without
-    spread, sizes = state.covariance[at : at + k, at : at + k], one.values[:k]
+    spread, sizes = state.spread(i)[:k, :k], one.values[:k]
     chi2 = float(sizes @ np.linalg.pinv(spread, hermitian=True) @ sizes)
     return chi2 > k * T_MIN**2
 
