@@ -60,6 +60,9 @@ CONTENDER = 0.3
 #: Effects of which an axis can have several at a place.
 SEVERAL = (Ripple, LeadError)
 
+#: The same for a model with as many unknowns: 1 to 50 against the other one.
+LIKELIER = 8.0
+
 #: Student's t of the gain of the held-out windows.
 T_MIN = 3.0
 
@@ -75,6 +78,9 @@ _LEVELS = 3
 
 #: Mean square of an error, in units of the noise, that leaves the plant where it should be.
 _NEARLY_RIGHT = 2.0
+
+#: The same where no other plant need be tried: the noise itself is known no better.
+_RIGHT = 1.015
 
 #: How often the effects that were found may be replaced by others.
 _REVISIONS = 3
@@ -416,10 +422,12 @@ def begin(start: Fit) -> list[State]:
         state = State.of(state.fit.with_noise(state.motion), state.motion)
         if best is None or state.scale < best.scale:
             best = state
-        if best.scale < _NEARLY_RIGHT:
-            without = State.as_is(replace(best.fit, found=()), best.motion)
-            adjusted = State.of(without.fit, without.motion)
-            return [adjusted if adjusted.scale < _NEARLY_RIGHT else without]
+        if best.scale < _RIGHT:
+            break
+    if best is not None and best.scale < _NEARLY_RIGHT:
+        without = State.as_is(replace(best.fit, found=()), best.motion)
+        adjusted = State.of(without.fit, without.motion)
+        return [adjusted if adjusted.scale < _NEARLY_RIGHT else without]
     states = [State.as_is(start, start.motion(None))]
     if best is not None:
         states.append(State.as_is(replace(best.fit, found=(), noise=start.noise), best.motion))
@@ -464,7 +472,7 @@ def _extended(states: list[State], tried: list[tuple[Trial, ...]], progress: Pro
             better = _best(state, trials, progress)
         if better is None:
             return Search(tuple(states), tuple(tried))
-        states.append(better)
+        states.append(_at_better_end(better))
 
 
 def _revised(search: Search, progress: Progress) -> Search | None:
@@ -487,6 +495,28 @@ def _revised(search: Search, progress: Progress) -> Search | None:
             chain = _chain(search, better.fit.found)
             return _extended(chain, list(search.trials[: len(chain) - 1]), progress)
     return None
+
+
+def _at_better_end(state: State) -> State:
+    """The same, or with all friction at the other end of the shaft if that fits better.
+
+    There are as many unknowns, so a likelihood that is clearly larger decides.
+    """
+    ends = (*FRICTION, FrictionDrift)
+    if state.fit.windows.channels < 2 or not any(
+        isinstance(one.kind, ends) for one in state.fit.found
+    ):
+        return state
+    moved = tuple(
+        replace(one, kind=replace(one.kind, place=1 - one.kind.place))
+        if isinstance(one.kind, ends)
+        else one
+        for one in state.fit.found
+    )
+    other = State.of(replace(state.fit, found=moved), state.motion)
+    if other.plausible and other.fitted < state.fitted - LIKELIER * state.scale:
+        return other
+    return state
 
 
 def _chain(search: Search, found: Sequence[Found]) -> list[State]:
