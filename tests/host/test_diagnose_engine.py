@@ -214,11 +214,12 @@ def test_sensitivities_are_derivatives() -> None:
     columns = fit.sensitivity(motion)
     assert np.max(np.abs(fit.residual(motion))) < 1e-6 * np.max(np.abs(columns[:, 0]))
     assert columns.shape[1] == len(fit.values) == len(fit.names)
-    for i, value in enumerate(fit.values):
-        step = np.zeros(len(fit.values))
-        step[i] = 1e-5 * abs(value)
+    for i, direction in enumerate(fit.directions.T):
+        share = 1e-5 * float(np.max(np.abs(fit.values[direction != 0.0])))
+        share /= float(np.max(np.abs(direction)))
+        step = share * direction
         up, down = (fit.with_values(fit.values + s).residual(motion) for s in (step, -step))
-        slope = (down - up) / (2.0 * step[i])
+        slope = (down - up) / (2.0 * share)
         size = np.max(np.abs(slope))
         np.testing.assert_allclose(columns[:, i], slope, rtol=0.0, atol=5e-3 * size)
 

@@ -306,13 +306,15 @@ class _Answer:
         columns = fit.sensitivity(state.motion)[:, :k]
         residual = fit.residual(state.motion)
         groups = np.array_split(np.arange(fit.windows.count), min(_PARTS, fit.windows.count // 3))
+        directions = fit.plant.directions
         values, errors, times = [], [], []
         for group in groups:
             gram = np.einsum("wan,wbn->ab", columns[group], columns[group], optimize=True)
             right = np.einsum("wan,wn->a", columns[group], residual[group], optimize=True)
             inverse = np.linalg.pinv(gram, hermitian=True)
-            values.append(fit.plant.values + inverse @ right)
-            errors.append(np.sqrt(np.maximum(np.diag(inverse), 0.0) * state.scale))
+            values.append(fit.plant.values + directions @ inverse @ right)
+            spread = directions @ inverse @ directions.T
+            errors.append(np.sqrt(np.maximum(np.diag(spread), 0.0) * state.scale))
             times.append(float(np.mean(fit.windows.time[group])))
         return tuple(
             Track(

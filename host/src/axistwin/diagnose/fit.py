@@ -24,7 +24,7 @@ from axistwin.errors import InputError
 from axistwin.identify.samples import Hold
 
 #: Relative step of the differences that make sensitivities.
-_STEP = 1e-6
+_STEP = 1e-5
 
 #: Least samples of the smoothing polynomial, and its degree.
 _SMOOTH_MIN = 7
@@ -318,17 +318,24 @@ class Fit:
         error: Array = self.measured - self.simulate(motion, self._starts(motion))[0]
         return error
 
+    @property
+    def directions(self) -> Array:
+        """Changes of the unknowns (k, k), a column each: those of the plant, then one by one."""
+        k = len(self.plant.names)
+        directions = np.eye(len(self.values))
+        directions[:k, :k] = self.plant.directions
+        return directions
+
     def sensitivity(self, motion: Motion) -> Array:
-        """Derivatives (w, k, c l) of the simulation by the unknowns, weighted and projected."""
+        """Derivatives (w, k, c l) of the simulation along ``directions``, weighted and projected."""
         states = self._starts(motion)
         base, _ = self.simulate(motion, states)
-        values, k = self.values, len(self.plant.names)
+        values, directions = self.values, self.directions
         columns = []
-        for i in range(k):
-            step = np.zeros_like(values)
-            step[i] = self._size(i) * _STEP
+        for i in range(len(self.plant.names)):
+            step = _STEP * directions[:, i]
             moved, _ = self.with_values(values + step).simulate(motion, states)
-            columns.append(self.project((moved - base) / step[i]))
+            columns.append(self.project((moved - base) / _STEP))
         if self.windows.channels == 2:
             one = np.zeros_like(base)
             one[1] = 1.0
@@ -389,6 +396,7 @@ class Fit:
             if rises > _RISES:
                 break
             step = solve(fit.sensitivity(motion), residual, ~fit.windows.held_out)
+            step = fit.directions @ step
             moved = fit._line_search(step, motion, misfit)
             if moved is None:
                 break

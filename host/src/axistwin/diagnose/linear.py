@@ -52,6 +52,13 @@ class Plant(Protocol):
     def with_values(self, values: Array) -> Plant:
         """The same kind of axis with other parameters (k,)."""
 
+    @property
+    def directions(self) -> Array:
+        """Changes of the parameters (k, k), a column each, that a record tells well apart.
+
+        Each is about the size of the parameters, so that derivatives along them are comparable.
+        """
+
     def others(self) -> Sequence[Plant]:
         """Plants that look alike from afar, to begin with instead."""
 
@@ -80,6 +87,26 @@ class TwoInertias:
 
     def with_values(self, values: Array) -> TwoInertias:
         return TwoInertias(Axis(*values.tolist()))
+
+    @property
+    def directions(self) -> Array:
+        """All in proportion, the share of the table, stiffness and damping each alone.
+
+        The first two leave the vibration as it is. Inertias changed one by one would all move the
+        axis as a whole, beside which what they do to the twist is lost in rounding.
+        """
+        a = self.axis
+        total = a.I1 + a.I2
+        reduced = a.I1 * a.I2 / total
+        share = (a.I1 - a.I2) / total  # of the reduced inertia, which follows
+        damping = max(a.B, _DAMPING_MIN * a.K / self.frequency)
+        columns = [
+            (a.I1, a.I2, a.B, a.K),
+            (-reduced, reduced, a.B * share, a.K * share),
+            (0.0, 0.0, 0.0, a.K),
+            (0.0, 0.0, damping, 0.0),
+        ]
+        return np.array(columns).T
 
     def others(self) -> Sequence[Plant]:
         total, wn = self.axis.I1 + self.axis.I2, self.frequency
@@ -126,6 +153,9 @@ class TwoInertias:
 _SHARES = (0.1, 0.25, 0.5, 0.75)
 _DAMPING = 0.04
 
+#: Twice a damping ratio: no damping is as good as this much.
+_DAMPING_MIN = 2e-3
+
 
 @dataclass(frozen=True)
 class Rigid:
@@ -141,6 +171,11 @@ class Rigid:
 
     def with_values(self, values: Array) -> Rigid:
         return Rigid(*values.tolist())
+
+    @property
+    def directions(self) -> Array:
+        """All in proportion, and friction alone."""
+        return np.array([(self.inertia, 0.0), (self.viscous, self.inertia)])
 
     def others(self) -> Sequence[Plant]:
         return []

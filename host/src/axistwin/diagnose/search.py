@@ -362,8 +362,10 @@ class State:
         white = inverse * self.scale
         more = np.sqrt(np.maximum(np.diag(white), 1e-300) / np.maximum(np.diag(clustered), 1e-300))
         more = np.maximum(more, 1.0)
-        spread: Array = clustered * np.outer(more, more)
-        return spread
+        spread = clustered * np.outer(more, more)
+        directions = self.fit.directions
+        of_values: Array = directions @ spread @ directions.T
+        return of_values
 
     def spread(self, i: int) -> Array:
         """Covariance of the values of the i-th effect."""
