@@ -327,7 +327,7 @@ class Fit:
         return directions
 
     def sensitivity(self, motion: Motion) -> Array:
-        """Derivatives (w, k, c l) of the simulation along ``directions``, weighted and projected."""
+        """Derivatives (w, k, c l) of the simulation along ``directions``, projected."""
         states = self._starts(motion)
         base, _ = self.simulate(motion, states)
         values, directions = self.values, self.directions

@@ -106,7 +106,8 @@ class TwoInertias:
             (0.0, 0.0, 0.0, a.K),
             (0.0, 0.0, damping, 0.0),
         ]
-        return np.array(columns).T
+        directions: Array = np.array(columns).T
+        return directions
 
     def others(self) -> Sequence[Plant]:
         total, wn = self.axis.I1 + self.axis.I2, self.frequency
