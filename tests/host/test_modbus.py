@@ -331,7 +331,7 @@ def test_a_log_of_too_few_samples_is_left_as_it_is(
         channel = f"tcp:127.0.0.1:{listener.getsockname()[1]}"
         where = ("-c", channel, "--timeout", "20")
         status, _, messages = cli(
-            "log", *where, "--rate", "20000", "--duration", "3", "-f", str(file)
+            "log", *where, "--rate", "20000", "--duration", "6", "-f", str(file)
         )
     assert status == 4, messages
     assert "the line is too slow for this rate: give a lower one with --rate" in messages
