@@ -13,6 +13,7 @@ from typing import Any
 
 from axistwin import bus, excitation, frames, logfile
 from axistwin.errors import AxisTwinError, DriveFaultError, FileError, InputError, NodeLostError
+from axistwin.interrupt import Interrupts
 from axistwin.monitor import BusLoad, StreamMonitor
 from axistwin.output import write_json
 from axistwin.readers import buslog
@@ -171,10 +172,11 @@ def _collect(log: _Log, arguments: argparse.Namespace) -> None:
     log.shared.sinks += [log.file, log.load, *(stream.monitor for stream in log.streams)]
     try:
         with contextlib.ExitStack() as stack:
+            interrupts = stack.enter_context(Interrupts().taken())
             for stream in log.streams:
                 stack.enter_context(_streaming(stream.node, arguments))
                 stack.enter_context(excitation.excited(stream.node, arguments))
-            _receive(log, arguments)
+            _receive(log, arguments, interrupts)
     except KeyboardInterrupt:
         log.terminal.note("stopped")
     finally:
@@ -207,7 +209,7 @@ def _start_stream(node: bus.Node, arguments: argparse.Namespace) -> None:
     node.command("StreamStartFd" if getattr(arguments, "fd", False) else "StreamStart", decimation)
 
 
-def _receive(log: _Log, arguments: argparse.Namespace) -> None:
+def _receive(log: _Log, arguments: argparse.Namespace, interrupts: Interrupts) -> None:
     """Receives until the time is over; a node that has gone is waited for.
 
     Raises NodeLostError when none is left.
@@ -220,7 +222,8 @@ def _receive(log: _Log, arguments: argparse.Namespace) -> None:
                 _resume(log, stream, arguments)
                 continue
             try:
-                stream.node.poll(timeout)
+                with interrupts.held():
+                    stream.node.poll(timeout)
             except NodeLostError as error:
                 stream.gaps.append(Gap(log.elapsed(), None, str(error)))
                 log.terminal.note(f"{error}; waiting up to {arguments.wait:g} s for it")
