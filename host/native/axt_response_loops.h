@@ -1,5 +1,5 @@
-/* axt_response_loops.h - what a linear oscillator answers in windows of a record, for the diagnosis
- * (axistwin.diagnose). As in axt_loops.h, a loop around the exact step of axt_integrator.h.
+/* axt_response_loops.h - what an axis answers in windows of a record, for the diagnosis
+ * (axistwin.diagnose). As in axt_loops.h, loops around steps of the core.
  */
 #ifndef AXT_RESPONSE_LOOPS_H
 #define AXT_RESPONSE_LOOPS_H
@@ -15,5 +15,17 @@
 axt_status axt_loop_respond(axt_real damping, axt_real stiffness, axt_real time_step,
                             const axt_real *first, const axt_real *last, const axt_real *start,
                             size_t windows, size_t length, axt_real *position, axt_real *speed);
+
+/* The axis with effects under torque[windows][length], each sample held until the next, in
+ * `substeps` steps from one to the next. Each window begins anew: at times[windows] [s], from which
+ * on what drifts and turns has gone on, and in the state starts[windows].
+ * angles[2][windows][length] of motor and table are counted from where the motor was at the start
+ * of the window, without the errors of the encoders; speeds likewise. The frequency and the damping
+ * of the shaft are exact in spite of the steps. Fails as axt_machine_init() and axt_machine_set(),
+ * also when a stiffness has drifted to nothing. */
+axt_status axt_loop_windows(const axt_axis *axis, const axt_effects *effects, axt_real time_step,
+                            uint32_t substeps, const axt_real *times, const axt_motion *starts,
+                            const axt_real *torque, size_t windows, size_t length, axt_real *angles,
+                            axt_real *speeds);
 
 #endif

@@ -126,7 +126,7 @@ def test_the_machine_and_the_engine_have_the_same_physics(effect: Effect) -> Non
     cut = windows.cut(record(*others, effect), 0.25)
     fit = Fit(cut, "zoh", TwoInertias(AXIS), found=known(others))
     fit = fit.with_noise(fit.motion(None))
-    before = State.as_is(fit, fit.motion(fit.motion(None)))
+    before = State(fit, fit.motion(fit.motion(None)))
     best = Trials(fit, before.motion).run(kinds(effect), lambda _: None)[0].found
     assert (best.kind.effect, best.kind.location) == (effect.effect, effect.location)
 
@@ -147,7 +147,7 @@ def test_the_torque_goes_on_between_samples_as_is_said(hold: Hold) -> None:
     cut = windows.cut(record(hold=hold), 0.25)
     for assumed in HOLDS:
         fit = Fit(cut, assumed, TwoInertias(AXIS), noise=np.full(2, NOISE))
-        state = State.as_is(fit, fit.motion(None))
+        state = State(fit, fit.motion(None))
         assert (state.scale < 1.1) == (assumed == hold)
 
 

@@ -480,6 +480,43 @@ def respond(
     return found[0], found[1]
 
 
+def simulate_windows(
+    axis: Axis,
+    effects: Sequence[Effect],
+    time_step: float,
+    torque: Array,
+    times: Array,
+    starts: Array,
+    substeps: int = 1,
+) -> tuple[Array, Array]:
+    """Angles and speeds (2, w, n) of motor and table of an axis with effects, in w windows.
+
+    As simulate_effects() with each sample of the ``torque`` (w, n) held until the next, but without
+    errors of the encoders. Each window begins anew from ``starts`` (w, 4), in the order of State,
+    at its time (w,) [s], until which everything that drifts and turns has gone on. Angles are
+    counted from where the motor was at the start of each window. Raises InputError as
+    simulate_effects(), also when a stiffness has drifted to nothing by a window.
+    """
+    core = _load("float64")
+    windows, length = torque.shape
+    found = np.empty((2, 2, windows, length))
+    status = core.lib.axt_loop_windows(
+        _axis(core, axis),
+        core.array("axt_effects", _effects(core, effects)),
+        time_step,
+        substeps,
+        core.array("axt_real", np.ascontiguousarray(times, np.float64)),
+        core.array("axt_motion", _motions_of(core, starts)),
+        core.array("axt_real", np.ascontiguousarray(torque, np.float64)),
+        windows,
+        length,
+        core.array("axt_real", found[0]),
+        core.array("axt_real", found[1]),
+    )
+    _check(core, status, f"simulation of {axis} with {list(effects)}, {time_step=}")
+    return found[0], found[1]
+
+
 def motion(states: Iterable[State], precision: Precision = "float64") -> Motion:
     """Motion through given states, as a sample each.
 
@@ -624,7 +661,11 @@ def _reals(core: _Core, values: npt.ArrayLike, what: str) -> npt.NDArray[Any]:
 
 def _motions(core: _Core, states: Sequence[State]) -> npt.NDArray[np.void]:
     """The states as the core keeps them, turns counted apart from the angle."""
-    columns = np.array([astuple(state) for state in states], np.float64).reshape(-1, 4)
+    return _motions_of(core, np.array([astuple(state) for state in states], np.float64))
+
+
+def _motions_of(core: _Core, columns: Array) -> npt.NDArray[np.void]:
+    """The same of states (n, 4), in the order of State."""
     if not np.all(np.isfinite(columns)):
         raise InputError("a state of the axis is not finite")
     angle = columns[:, 3] / _TURN

@@ -208,22 +208,24 @@ class Model:
         """Angle in the core for 1 of the model: a metre is a turn, so that periods are whole."""
         return 2.0 * np.pi if self.linear else 1.0
 
-    def rotary(self) -> tuple[Axis, tuple[Effect, ...]]:
+    def rotary(self, force: float = 1.0) -> tuple[Axis, tuple[Effect, ...]]:
         """The same axis in the core's units, with what is inside it of the effects.
 
-        A metre of a linear axis is a turn in there; force x distance is kept.
+        A metre of a linear axis is a turn in there; force x distance is kept. All that is measured
+        in forces can be ``force`` times as large, which changes no motion.
         """
         scale = self._angle
-        axis = Axis(*(value / scale**2 for value in astuple(self.axis)))
+        axis = Axis(*(value * force / scale**2 for value in astuple(self.axis)))
         units = {
-            (entry.effect, entry.location, entry.parameter): entry.angle - entry.force
+            (entry.effect, entry.location, entry.parameter): scale ** (entry.angle - entry.force)
+            * force**entry.force
             for entry in core.effect_parameters()
         }
         effects = tuple(
             replace(
                 effect,
                 params={
-                    name: value * scale ** units[effect.effect, effect.location, name]
+                    name: value * units[effect.effect, effect.location, name]
                     for name, value in effect.params.items()
                 },
             )

@@ -65,7 +65,11 @@ class _Answer:
             self._last.fit.windows, held_out=np.zeros(self._last.fit.windows.count, np.bool_)
         )
         # The last word on the parameters: fitted to everything.
-        self._final = State.of(replace(self._last.fit, windows=windows), self._last.motion)
+        last = replace(self._last.fit, windows=windows)
+        if self._last.replay is None:
+            self._final = State.along(last, self._last.motion).replayed()
+        else:
+            self._final = State(last, self._last.motion).replayed()
 
     def diagnosis(self, intake: Intake) -> Diagnosis:
         """All of it."""
@@ -186,7 +190,7 @@ class _Answer:
     def _unexplained(self) -> bool:
         """Whether more is left of a channel than noise and the rounding of its encoder."""
         windows, record = self._last.fit.windows, self._record
-        error = self._last.fit.simulation_error(self._last.motion)[:, windows.held_out]
+        error = self._last.simulation_error[:, windows.held_out]
         floor = self._last.fit.noise
         for channel, angle in enumerate((record.theta1, record.theta2)[: windows.channels]):
             step = resolution(angle) if angle is not None else None
@@ -245,8 +249,8 @@ class _Answer:
     def _residuals(self) -> dict[str, Array]:
         """Torque (w, l) that the model lacks at each place (Eq. 18 of the smoothed error), and the
         angle that it lacks at each encoder."""
-        fit, motion = self._final.fit, self._final.motion
-        error = fit.simulation_error(motion)
+        fit = self._final.fit
+        error = self._final.simulation_error
         order = [
             scipy.signal.savgol_filter(
                 error, fit.smoothing, 3, deriv=k, delta=fit.windows.time_step, axis=2
@@ -267,8 +271,8 @@ class _Answer:
 
     def _shown(self) -> tuple[Shown, ...]:
         windows = self._last.fit.windows
-        before = self._base.fit.simulation_error(self._base.motion)
-        after = self._last.fit.simulation_error(self._last.motion)
+        before = self._base.simulation_error
+        after = self._last.simulation_error
         return tuple(
             Shown(
                 f"theta{channel + 1}",
@@ -283,8 +287,8 @@ class _Answer:
 
     def _whiteness(self) -> tuple[Autocorrelation, ...]:
         windows = self._last.fit.windows
-        before = self._base.fit.simulation_error(self._base.motion)[:, windows.held_out]
-        after = self._last.fit.simulation_error(self._last.motion)[:, windows.held_out]
+        before = self._base.simulation_error[:, windows.held_out]
+        after = self._last.simulation_error[:, windows.held_out]
         count = min(_LAGS, windows.length // 2)
         lag = windows.time_step * np.arange(count, dtype=np.float64)
         band = 1.96 / np.sqrt(before[0].size)
@@ -303,8 +307,7 @@ class _Answer:
         """The axis in parts of the record, effects and all else as they are."""
         state = self._final
         fit, k = state.fit, len(state.fit.plant.names)
-        columns = fit.sensitivity(state.motion)[:, :k]
-        residual = fit.residual(state.motion)
+        columns, residual = state.columns[:, :k], state.residual
         groups = np.array_split(np.arange(fit.windows.count), min(_PARTS, fit.windows.count // 3))
         directions = fit.plant.directions
         values, errors, times = [], [], []
@@ -368,7 +371,7 @@ def _held_out(state: State) -> float:
 def _rms(state: State) -> float:
     """Of the held-out error of theta1, corrected for the initial states that were fitted."""
     windows = state.fit.windows
-    error = state.fit.simulation_error(state.motion)[0, windows.held_out]
+    error = state.simulation_error[0, windows.held_out]
     free = (state.fit.plant.free(windows.time_step, 2).shape[0]) / windows.channels
     return float(np.sqrt(np.sum(error**2) / (error.size - free * len(error))))
 

@@ -392,7 +392,7 @@ class Backlash(Shaft):
 
     def shapes(self, motion: Motion) -> Sequence[Shape]:
         reach = 2.0 * float(np.quantile(np.abs(motion.twist), 0.95))
-        return [(share * reach,) for share in (0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7)]
+        return [(share * reach,) for share in (1e-3, 3e-3, 0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7)]
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
         axis, half = _axis(plant), 0.5 * shape[0]

@@ -102,23 +102,30 @@ class Fit:
         command: Array | None = None,
     ) -> tuple[Array, Array]:
         shape = self.windows.angles.shape
-        smooth, commanded = np.zeros(shape), np.zeros((2, *shape[1:]))
-        errors = np.zeros(shape)
-        if command is not None:
-            commanded += command
+        smooth, errors = np.zeros((2, *shape))
         for push in pushes:
             _add(smooth, push.motor, push.table)
             _add(errors, push.encoder1, push.encoder2)
-            if push.command is not None:
-                commanded += push.command
-        if self.hold != "zoh":  # straight from sample to sample
-            line = np.mean(commanded, axis=0)
-            commanded = np.stack([line, np.concatenate([line[:, 1:], line[:, -1:]], axis=1)])
+        commanded = self.commanded(pushes, command)
         torque = Torque.smooth(smooth)
         torque.first[0] += commanded[0]
         torque.last[0] += commanded[1]
         angles, speeds = plant.respond(self.windows.time_step, torque, states)
         return angles + errors, speeds
+
+    def commanded(self, pushes: Sequence[Push], command: Array | None = None) -> Array:
+        """The torque command (w, l) with what pushes add, as (2, w, l): at each sample, and just
+        before the next."""
+        commanded = np.zeros((2, *self.windows.index.shape))
+        if command is not None:
+            commanded += command
+        for push in pushes:
+            if push.command is not None:
+                commanded += push.command
+        if self.hold == "zoh":
+            return commanded
+        line = np.mean(commanded, axis=0)  # straight from sample to sample
+        return np.stack([line, np.concatenate([line[:, 1:], line[:, -1:]], axis=1)])
 
     def _pushes(self, motion: Motion | None) -> list[Push]:
         """What each effect does along a motion; nothing as long as that is unknown."""
@@ -138,11 +145,11 @@ class Fit:
     def _free(self) -> tuple[Array, Array]:
         """Orthonormal basis (c l, s) of the motion without torque, weighted, and its triangle."""
         free = self.plant.free(self.windows.time_step, self.windows.length)
-        columns = self._vectors(free.transpose(1, 0, 2)).T
+        columns = self.vectors(free.transpose(1, 0, 2)).T
         q, r = scipy.linalg.qr(columns, mode="economic")
         return q, r
 
-    def _vectors(self, angles: Array) -> Array:
+    def vectors(self, angles: Array) -> Array:
         """Angles (c, w, l), weighted, as vectors (w, c l)."""
         vectors: Array = (angles * self.weights).transpose(1, 0, 2).reshape(angles.shape[1], -1)
         return vectors
@@ -155,14 +162,14 @@ class Fit:
 
     def project(self, angles: Array) -> Array:
         """Angles (c, w, l) as weighted vectors (w, c l) without what initial states can explain."""
-        vectors = self._vectors(angles)
+        vectors = self.vectors(angles)
         q, _ = self._free
         projected: Array = vectors - (vectors @ q) @ q.T
         return projected
 
     def states(self, errors: Array) -> Array:
         """The initial states (w, s) that explain most of the errors (c, w, l)."""
-        vectors = self._vectors(errors)
+        vectors = self.vectors(errors)
         q, r = self._free
         states: Array = scipy.linalg.solve_triangular(r, q.T @ vectors.T).T
         return states
@@ -186,8 +193,12 @@ class Fit:
         The simulation carries the fast part, and the smoothed difference to what was measured is
         added. ``before`` is the motion along which effects act in that simulation.
         """
+        angles, speeds = self.simulate(before, self.starts(before))
+        return self.motion_of(before, angles, speeds)
+
+    def motion_of(self, before: Motion | None, angles: Array, speeds: Array) -> Motion:
+        """The same of a simulation (c, w, l) that has been made."""
         windows = self.windows
-        angles, speeds = self.simulate(before, self._starts(before))
         missed = self._missed(self.measured - angles)
         acting = self._acting(before)
         angles = angles - acting.misread
@@ -221,7 +232,7 @@ class Fit:
             turn=1.0 if windows.linear else 2.0 * np.pi,
         )
 
-    def _starts(self, motion: Motion | None) -> Array:
+    def starts(self, motion: Motion | None) -> Array:
         """The initial state (w, s) that suits each window."""
         return self.states(self.measured - self.simulate(motion)[0])
 
@@ -315,7 +326,7 @@ class Fit:
 
     def simulation_error(self, motion: Motion) -> Array:
         """Measured less simulated angles (c, w, l), each window from the state that suits it."""
-        error: Array = self.measured - self.simulate(motion, self._starts(motion))[0]
+        error: Array = self.measured - self.simulate(motion, self.starts(motion))[0]
         return error
 
     @property
@@ -328,7 +339,7 @@ class Fit:
 
     def sensitivity(self, motion: Motion) -> Array:
         """Derivatives (w, k, c l) of the simulation along ``directions``, projected."""
-        states = self._starts(motion)
+        states = self.starts(motion)
         base, _ = self.simulate(motion, states)
         values, directions = self.values, self.directions
         columns = []
@@ -346,14 +357,21 @@ class Fit:
 
     def columns(self, effect: Found, motion: Motion) -> list[Array]:
         """Derivatives (w, c l) by the values of one effect, weighted and projected."""
-        return [*self.by_size(effect, motion), *self._by_shape(effect, motion)]
+        return [self.project(angles) for angles in self.moves(effect, motion)]
 
     def by_size(self, effect: Found, motion: Motion) -> list[Array]:
         """Derivatives (w, c l) by the sizes of one effect."""
+        return [self.project(angles) for angles in self._by_size(effect, motion)]
+
+    def moves(self, effect: Found, motion: Motion) -> list[Array]:
+        """Derivatives of the angles (c, w, l) by the values of one effect."""
+        return [*self._by_size(effect, motion), *self._by_shape(effect, motion)]
+
+    def _by_size(self, effect: Found, motion: Motion) -> list[Array]:
         if effect.kind.sizes == 0:
             return []
         pushes = effect.kind.pushes(motion, self.plant, effect.shape)
-        return [self.project(self.answer(self.plant, [push])) for push in pushes]
+        return [self.answer(self.plant, [push]) for push in pushes]
 
     def _by_shape(self, effect: Found, motion: Motion) -> list[Array]:
         columns = []
@@ -363,7 +381,7 @@ class Fit:
             step = np.zeros_like(effect.values)
             step[i] = effect.kind.difference * max(abs(effect.values[i]), 1e-9)
             pushed = effect.with_values(effect.values + step).push(motion, self.plant)
-            columns.append(self.project((self.answer(self.plant, [pushed]) - base) / step[i]))
+            columns.append((self.answer(self.plant, [pushed]) - base) / step[i])
         return columns
 
     def _size(self, i: int) -> float:
@@ -411,16 +429,22 @@ class Fit:
         """Sum of squares where the fit may look."""
         return float(np.sum(residual[~self.windows.held_out] ** 2))
 
+    def moved(self, step: Array) -> Fit:
+        """The model with other unknowns, no parameter of the plant all too far off.
+
+        Raises InputError for unknowns that no axis has.
+        """
+        moved = self.values + step
+        k = len(self.plant.names)
+        sizes = np.array([self._size(i) for i in range(k)])
+        lowest = np.where(self.plant.values < sizes, 0.0, sizes / _FACTOR)
+        moved[:k] = np.clip(moved[:k], lowest, sizes * _FACTOR)
+        return self.with_values(moved)
+
     def _line_search(self, step: Array, motion: Motion, before: float) -> Fit | None:
-        values = self.values
         for halving in range(_HALVINGS):
-            moved = values + step * 0.5**halving
-            k = len(self.plant.names)
-            sizes = np.array([self._size(i) for i in range(k)])
-            lowest = np.where(self.plant.values < sizes, 0.0, sizes / _FACTOR)
-            moved[:k] = np.clip(moved[:k], lowest, sizes * _FACTOR)
             try:
-                fit = self.with_values(moved)
+                fit = self.moved(step * 0.5**halving)
                 after = fit.misfit(fit.residual(motion))
             except InputError:
                 continue

@@ -73,6 +73,12 @@ class Plant(Protocol):
     def free(self, time_step: float, length: int) -> Array:
         """The motion (s, c, l) without torque from each unit state."""
 
+    def starts(self, states: Array) -> Array:
+        """States (w, s) as the core has them: (w, 4), in the order of core.State."""
+
+    def states(self, starts: Array) -> Array:
+        """The way back."""
+
 
 @dataclass(frozen=True)
 class TwoInertias:
@@ -149,6 +155,18 @@ class TwoInertias:
         free: Array = angles.transpose(1, 0, 2)
         return free
 
+    def starts(self, states: Array) -> Array:
+        body, body_speed, twist, twist_speed = states.T
+        share = self.axis.I2 / (self.axis.I1 + self.axis.I2)
+        columns = (twist, twist_speed, body_speed + share * twist_speed, body + share * twist)
+        return np.stack(columns, axis=1)
+
+    def states(self, starts: Array) -> Array:
+        twist, twist_speed, speed, angle = starts.T
+        share = self.axis.I2 / (self.axis.I1 + self.axis.I2)
+        columns = (angle - share * twist, speed - share * twist_speed, twist, twist_speed)
+        return np.stack(columns, axis=1)
+
 
 #: Shares of the table in the inertia, and a damping ratio, to begin with.
 _SHARES = (0.1, 0.25, 0.5, 0.75)
@@ -194,3 +212,11 @@ class Rigid:
         angles, _ = self.respond(time_step, Torque(nothing, nothing), np.eye(2))
         free: Array = angles.transpose(1, 0, 2)
         return free
+
+    def starts(self, states: Array) -> Array:
+        angle, speed = states.T
+        nothing = np.zeros_like(angle)
+        return np.stack([nothing, nothing, speed, angle], axis=1)
+
+    def states(self, starts: Array) -> Array:
+        return starts[:, [3, 2]]

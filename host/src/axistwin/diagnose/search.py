@@ -32,6 +32,8 @@ from axistwin.diagnose.effects import (
 )
 from axistwin.diagnose.fit import Fit, solve, solve_normal
 from axistwin.diagnose.linear import Rigid, Torque
+from axistwin.diagnose.replay import Replay
+from axistwin.diagnose.replay import replay as find_replay
 from axistwin.diagnose.windows import Windows
 from axistwin.errors import InputError, NotEnoughDataError
 from axistwin.identify.samples import Hold
@@ -73,6 +75,11 @@ _TAPERED = 0.3
 _PERIODS_MAX = 360.0
 _PERIODS_A_METRE_MAX = 5000.0
 
+#: An error of so much [noise squared] may be a ripple that turns an axis back: what it moves is no
+#: measure of it. Up to so many periods a turn are then all tried.
+_LARGE = 10.0
+_PERIODS_LARGE = 48
+
 #: How often a moment is looked for closer to the best one.
 _LEVELS = 3
 
@@ -81,6 +88,12 @@ _NEARLY_RIGHT = 2.0
 
 #: The same where no other plant need be tried: the noise itself is known no better.
 _RIGHT = 1.015
+
+#: The same where a simulation of the effects could not bring it nearer.
+_ALL = 1.003
+
+#: So many of the best contenders are simulated.
+_SIMULATED = 2
 
 #: How often the effects that were found may be replaced by others.
 _REVISIONS = 3
@@ -140,11 +153,12 @@ def student(values: Array) -> float:
 class Trials:
     """Everything that the catalogue could add to a fit."""
 
-    def __init__(self, fit: Fit, motion: Motion) -> None:
-        self.fit, self.motion = fit, motion
-        self._residual = fit.residual(motion)
-        self._columns = fit.sensitivity(motion)
-        self._held_out = fit.windows.held_out
+    def __init__(self, state: State) -> None:
+        self.fit, self.motion = state.fit, state.motion
+        self._residual = state.residual
+        self._columns = state.columns
+        self._held_out = state.fit.windows.held_out
+        self._scale = state.scale
         self._grams = self._columns @ self._columns.transpose(0, 2, 1)
         self._rights = (self._columns @ self._residual[:, :, None])[:, :, 0]
         _, self._before = self._fitted(self._columns[:, :0], self._residual)
@@ -179,7 +193,10 @@ class Trials:
 
     def _shapes(self, kind: Kind) -> Sequence[Shape]:
         if isinstance(kind, (Ripple, LeadError, Disturbance)):
-            return [(periods,) for periods in self._waves(kind)]
+            periods = self._waves(kind)
+            if isinstance(kind, Ripple) and self._scale > _LARGE and not self.fit.windows.linear:
+                periods = sorted({*periods, *np.arange(1.0, _PERIODS_LARGE + 1.0).tolist()})
+            return [(one,) for one in periods]
         return kind.shapes(self.motion)
 
     def _try(self, found: Found) -> Trial | None:
@@ -306,22 +323,55 @@ def significant(trial: Trial, samples: int) -> bool:
 
 @dataclass(frozen=True)
 class State:
-    """A fit, the motion it makes of the record, and the squared errors (w,) of the windows."""
+    """A fit, and the motion it makes of the record; of a simulation of the effects if there is
+    one."""
 
     fit: Fit
     motion: Motion
-    errors: Array
+    replay: Replay | None = None
+
+    @classmethod
+    def along(cls, fit: Fit, before: Motion | None = None) -> State:
+        """The fit adjusted, its effects taken along the motion; ``before`` is that known so far."""
+        return cls(*fit.adjust(before))
 
     @classmethod
     def of(cls, fit: Fit, before: Motion | None = None) -> State:
-        """The fit adjusted to the record, ``before`` the motion known so far."""
-        fit, motion = fit.adjust(before)
-        return cls(fit, motion, np.sum(fit.residual(motion) ** 2, axis=1))
+        """The fit adjusted; with a simulation of the effects where they are not all there is."""
+        return cls.along(fit, before).simulated()
 
-    @classmethod
-    def as_is(cls, fit: Fit, motion: Motion) -> State:
-        """The fit without adjusting anything."""
-        return cls(fit, motion, np.sum(fit.residual(motion) ** 2, axis=1))
+    def simulated(self) -> State:
+        """With a simulation of the effects, where more is left than noise."""
+        return self.replayed() if self.scale > _ALL else self
+
+    def replayed(self) -> State:
+        """The same adjusted to a simulation of the effects, if that brings it nearer."""
+        replay = find_replay(self.fit, self.motion)
+        if replay is None or self.fit.misfit(replay.residual) > self.fitted:
+            return self
+        return State(replay.fit, replay.motion, replay)
+
+    @cached_property
+    def residual(self) -> Array:
+        """Weighted errors (w, c l)."""
+        return self.fit.residual(self.motion) if self.replay is None else self.replay.residual
+
+    @cached_property
+    def columns(self) -> Array:
+        """Derivatives (w, k, c l) of the simulation along the directions of the fit."""
+        return self.fit.sensitivity(self.motion) if self.replay is None else self.replay.columns
+
+    @cached_property
+    def errors(self) -> Array:
+        """Squared, of the windows (w,)."""
+        return np.sum(self.residual**2, axis=1)
+
+    @property
+    def simulation_error(self) -> Array:
+        """Measured less simulated angles (c, w, l), each window from the state that suits it."""
+        if self.replay is None:
+            return self.fit.simulation_error(self.motion)
+        return self.fit.channels(self.residual) / self.fit.weights
 
     @property
     def scale(self) -> float:
@@ -350,8 +400,7 @@ class State:
         Errors may be correlated within a window but not from one to the next, so the scores of the
         windows tell their spread (Liang and Zeger 1986); white noise is the least that is assumed.
         """
-        columns = self.fit.sensitivity(self.motion)
-        residual = self.fit.residual(self.motion)
+        columns, residual = self.columns, self.residual
         count, k = columns.shape[:2]
         gram = np.einsum("wan,wbn->ab", columns, columns, optimize=True)
         size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
@@ -420,19 +469,19 @@ def begin(start: Fit) -> list[State]:
     start = start.with_noise(start.motion(None))
     best: State | None = None
     for plant in (start.plant, *start.plant.others()):
-        state = State.of(replace(start, plant=plant, found=found))
-        state = State.of(state.fit.with_noise(state.motion), state.motion)
+        state = State.along(replace(start, plant=plant, found=found))
+        state = State.along(state.fit.with_noise(state.motion), state.motion)
         if best is None or state.scale < best.scale:
             best = state
         if best.scale < _RIGHT:
             break
     if best is not None and best.scale < _NEARLY_RIGHT:
-        without = State.as_is(replace(best.fit, found=()), best.motion)
-        adjusted = State.of(without.fit, without.motion)
+        without = State(replace(best.fit, found=()), best.motion)
+        adjusted = State.along(without.fit, without.motion)
         return [adjusted if adjusted.scale < _NEARLY_RIGHT else without]
-    states = [State.as_is(start, start.motion(None))]
+    states = [State(start, start.motion(None))]
     if best is not None:
-        states.append(State.as_is(replace(best.fit, found=(), noise=start.noise), best.motion))
+        states.append(State(replace(best.fit, found=(), noise=start.noise), best.motion))
     return states
 
 
@@ -446,10 +495,13 @@ class Search:
 
 def look(bases: Sequence[State], progress: Progress) -> Search:
     """All effects that held-out data speak for."""
-    found = max(
-        (_extended([base], [], progress) for base in bases),
-        key=lambda search: -search.states[-1].fitted,
-    )
+    found: Search | None = None
+    for base in bases:
+        other = _extended([base], [], progress)
+        if found is None or other.states[-1].fitted < found.states[-1].fitted:
+            found = other
+        if found.states[-1].scale < _RIGHT:
+            break
     for _ in range(_REVISIONS):
         revised = _revised(found, progress)
         if revised is None:
@@ -467,7 +519,7 @@ def _extended(states: list[State], tried: list[tuple[Trial, ...]], progress: Pro
     """Adds effects one at a time while held-out data say so."""
     while True:
         state = states[-1]
-        trials = Trials(state.fit, state.motion).run(_left(state.fit), progress)
+        trials = Trials(state).run(_left(state.fit), progress)
         tried.append(tuple(trials))
         better = None
         if len(state.fit.found) < EFFECTS_MAX:
@@ -489,9 +541,11 @@ def _revised(search: Search, progress: Progress) -> Search | None:
     for i in range(len(found) - 1):
         rest = (*found[:i], *found[i + 1 :])
         without = State.of(replace(last.fit, found=rest), last.motion)
-        trials = Trials(without.fit, without.motion).run(_left(without.fit), progress)
+        trials = Trials(without).run(_left(without.fit), progress)
         better = _best(without, trials, progress)
         if better is None:
+            if significant(last.against(without, found[i]), last.samples):
+                continue  # from there no way led back, but here it is
             return _extended(_chain(search, rest), list(search.trials[: len(rest)]), progress)
         if better.fitted < last.fitted - GAIN_MIN * last.scale:
             chain = _chain(search, better.fit.found)
@@ -572,16 +626,19 @@ def _left(fit: Fit) -> list[Kind]:
 def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | None:
     """The trials that gain most, each fitted with all the rest; the best of them that holds."""
     good = [trial for trial in trials if significant(trial, state.samples)]
-    fits = []
+    contenders = []
     for trial in good[:CONTENDERS]:
         if trial.gain < CONTENDER * good[0].gain:
             break
         progress(f"fitting {trial.found.kind.effect} at {trial.found.kind.location}")
         fit = replace(state.fit, found=(*state.fit.found, trial.found))
-        candidate = State.of(fit, state.motion)
-        if candidate.plausible and significant(
-            candidate.against(state, trial.found), state.samples
-        ):
+        contenders.append(State.along(fit, state.motion))
+    contenders.sort(key=_fitted)
+    fits = []
+    for i, contender in enumerate(contenders):
+        found = contender.fit.found[-1]
+        candidate = contender.simulated() if i < _SIMULATED else contender
+        if candidate.plausible and significant(candidate.against(state, found), state.samples):
             fits.append(candidate)
     best = min(fits, key=lambda candidate: candidate.fitted, default=None)
     if best is not None and isinstance(best.fit.found[-1].kind, Stribeck):

@@ -1,0 +1,415 @@
+"""The effects simulated as they act, where so far they were taken along a motion that was known.
+
+Along a known motion the axis stays linear and sizes follow in one step, which finds effects. But
+what an effect changes in the motion changes the effect: friction stops an axis, a gap lets it go.
+For the last digits the core simulates axis and effects together, every window from a state of its
+own, and all unknowns are adjusted to that, those states with them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from axistwin import core
+from axistwin.core import Array, Axis, Effect
+from axistwin.diagnose.effects import (
+    DRY,
+    Backlash,
+    Eccentricity,
+    EncoderDelay,
+    ExtraMode,
+    Found,
+    LeadError,
+    Motion,
+    Saturation,
+    TorqueDelay,
+)
+from axistwin.diagnose.fit import Fit, solve_normal
+from axistwin.diagnose.linear import TwoInertias
+from axistwin.errors import InputError
+from axistwin.model import Model
+
+#: What acts outside of the axis: on the command and in the encoders. Known as the motion is.
+_OUTSIDE = (TorqueDelay, EncoderDelay, Saturation, LeadError, Eccentricity)
+
+#: A step of the simulation turns the vibration by this much at most.
+_VIBRATION_STEP_MAX = 0.1
+
+#: Effects that come and go at once, and the same for them: a step too late is too late.
+_SUDDEN = (*DRY, Backlash)
+_SUDDEN_STEP_MAX = 0.03
+_SUDDEN_STEPS_MIN = 10
+
+#: Differences of initial states, in units of the noise, and of sizes, in units of themselves.
+_STATE_STEP = 10.0
+_STEP = 1e-3
+
+#: How sure an initial state is of itself, in such differences: one that has no effect stays.
+_STATE_SPREAD = 1e3
+
+_ROUNDS = 8
+_HALVINGS = 4
+
+#: A gain that is none: so many squares of the noise, and such a share of all errors; from afar.
+_NO_GAIN = 0.1
+_LITTLE = 1e-5
+_LITTLE_FROM_AFAR = 1e-2
+
+#: Mean square of the error of a window, in units of the noise, from which on it is an outlier; and
+#: how often such a one is begun anew on each of its ever longer parts. When there are more than
+#: this share of them it is not the beginnings that are wrong.
+_OUTLIER = 1.5
+_BEGINNINGS = 2
+_OUTLIERS_MAX = 0.4
+
+#: Samples that are simulated at least.
+_HORIZON_MIN = 16
+
+#: Parts of a window that are simulated one after another from afar.
+_HORIZONS = (16, 8, 4, 2)
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A fit adjusted to its simulation, and the motion of that.
+
+    ``residual`` (w, c l): weighted errors. ``columns`` (w, k, c l): the derivatives of the
+    simulation along the directions of the fit, less what initial states explain.
+    """
+
+    fit: Fit
+    motion: Motion
+    residual: Array
+    columns: Array
+
+
+def replay(fit: Fit, motion: Motion) -> Replay | None:
+    """The fit adjusted once more, from where it is.
+
+    None when it has nothing inside the axis, or something of which a window shows no beginning.
+    """
+    inside = [one for one in fit.found if not isinstance(one.kind, _OUTSIDE)]
+    if not inside or any(isinstance(one.kind, ExtraMode) for one in inside) or fit.noise is None:
+        return None
+    try:
+        return _Replaying(fit, motion).adjusted()
+    except InputError:  # parameters that no axis has
+        return None
+
+
+@dataclass(frozen=True)
+class _Point:
+    """Unknowns, and what they make of the record: ``starts`` (w, 4) in the order of core.State,
+    with angles from where the motor was; ``played`` (2, w, l), angles by the core; ``angles`` as
+    measured and ``speeds`` (c, w, l)."""
+
+    fit: Fit
+    starts: Array
+    played: Array
+    angles: Array
+    speeds: Array
+    residual: Array
+
+
+class _Replaying:
+    """``motion`` is that along which errors of encoders are known."""
+
+    def __init__(self, fit: Fit, motion: Motion) -> None:
+        self._fit, self._motion = fit, motion
+        self._windows = fit.windows
+        self._horizon = fit.windows.length
+        noise = float(np.min(fit.noise)) if fit.noise is not None else 0.0
+        slow = 4.0 / (self._windows.length * self._windows.time_step)
+        two = isinstance(fit.plant, TwoInertias)
+        fast = fit.plant.frequency if isinstance(fit.plant, TwoInertias) else 0.0
+        self._free = slice(0, 4) if two else slice(2, 4)
+        steps = np.array([1.0, fast, slow, 1.0])
+        self._state_steps = (_STATE_STEP * noise * steps)[self._free]
+        self._turned = fast * fit.windows.time_step
+        self._sudden = any(isinstance(one.kind, _SUDDEN) for one in fit.found)
+        self._substeps = self._steps(_VIBRATION_STEP_MAX)
+
+    def adjusted(self) -> Replay:
+        """Raises InputError where there is no way to begin."""
+        point = self._beginning(self._fit)
+        if self._misfit(point) > _OUTLIER * self._samples * self._windows.count:
+            point = self._from_afar()
+        if self._sudden:
+            self._substeps = max(self._steps(_SUDDEN_STEP_MAX), _SUDDEN_STEPS_MIN)
+        point, of_states, columns = self._rounds(point)
+        _, explained = _eliminated(of_states, columns)
+        left = (columns - explained).transpose(0, 2, 1)
+        return Replay(point.fit, self._motion, point.residual, left)
+
+    def _beginning(self, fit: Fit) -> _Point:
+        """A fit in windows that start as their motion seems to begin."""
+        return self._point(fit, fit.plant.starts(fit.starts(self._motion)))
+
+    def _from_afar(self) -> _Point:
+        """Far off, a simulation soon has nothing in common with what it is adjusted to: short ones
+        first. Plants that are alike from afar are all tried on those."""
+        length = self._windows.length
+        best: _Point | None = None
+        for plant in (self._fit.plant, *self._fit.plant.others()):
+            self._horizon = max(length // _HORIZONS[0], _HORIZON_MIN)
+            try:
+                point, _, _ = self._rounds(self._beginning(replace(self._fit, plant=plant)))
+            except InputError:
+                continue
+            if best is None or self._misfit(point) < self._misfit(best):
+                best = point
+        if best is None:
+            raise InputError("no axis behaves like that")
+        for part in _HORIZONS[1:]:
+            self._horizon = max(length // part, _HORIZON_MIN)
+            best, _, _ = self._rounds(best)
+        self._horizon = length
+        return best
+
+    def _rounds(self, point: _Point) -> tuple[_Point, Array, Array]:
+        """Adjusted as far as the horizon, and the derivatives there."""
+        whole = self._horizon == self._windows.length
+        little = _LITTLE if whole else _LITTLE_FROM_AFAR
+        point = self._begun(self._point(point.fit, point.starts))
+        of_states, columns = self._derivatives(point)
+        for _ in range(_ROUNDS):
+            moved = self._step(point, of_states, columns)
+            if moved is None:
+                break
+            before, after = self._misfit(point), self._misfit(moved)
+            point = moved
+            if whole:
+                self._motion = point.fit.motion_of(self._motion, point.angles, point.speeds)
+            of_states, columns = self._derivatives(point)
+            if before - after < _NO_GAIN + little * after:
+                break
+        return point, of_states, columns
+
+    def _steps(self, turn: float) -> int:
+        """From one sample to the next, if the vibration turns by so much in one."""
+        return max(2, int(np.ceil(self._turned / turn)))
+
+    @property
+    def _samples(self) -> int:
+        """Of a window, up to the horizon."""
+        return self._windows.channels * self._horizon
+
+    # ---- Unknowns of all windows
+
+    def _misfit(self, point: _Point) -> float:
+        """Squared errors where the fit may look; an outlier counts with its logarithm.
+
+        Where friction or play lets an axis go a little too late, a window can be far off.
+        """
+        mean = _squares(point.residual)[~self._windows.held_out] / self._samples
+        beyond = _OUTLIER * (1.0 + np.log(np.maximum(mean / _OUTLIER, 1.0)))
+        return float(np.sum(np.minimum(mean, beyond))) * self._samples
+
+    def _step(self, point: _Point, of_states: Array, columns: Array) -> _Point | None:
+        """A better point, None if there is none on the way."""
+        both = np.concatenate([columns, point.residual[:, :, None]], axis=2)
+        back, explained = _eliminated(of_states, both)
+        left = both - explained
+        weights = 1.0 / np.maximum(_squares(point.residual) / (_OUTLIER * self._samples), 1.0)
+        left *= np.sqrt(weights)[:, None, None]
+        own, error = left[:, :, :-1], left[:, :, -1]
+        chosen = ~self._windows.held_out
+        gram = np.einsum("wna,wnb->ab", own[chosen], own[chosen], optimize=True)
+        right = np.einsum("wna,wn->a", own[chosen], error[chosen], optimize=True)
+        step = solve_normal(gram, right)
+        states = (back[:, :, -1] - back[:, :, :-1] @ step) * self._state_steps
+        step = point.fit.directions @ step
+        for halving in range(_HALVINGS):
+            share = 0.5**halving
+            starts = point.starts.copy()
+            starts[:, self._free] += share * states
+            try:
+                moved = self._begun(self._point(point.fit.moved(share * step), starts))
+            except InputError:
+                continue
+            if self._misfit(moved) < self._misfit(point):
+                return moved
+        return None
+
+    # ---- The beginning of each window
+
+    def _begun(self, point: _Point) -> _Point:
+        """Every window from the best start that can be found for it.
+
+        Friction and play have an axis forget how it began, so that no small step of a whole window
+        leads to a better beginning: its first part is made right first, then more and more; from
+        where it seems to begin and from rest.
+        """
+        which = np.flatnonzero(_squares(point.residual) > _OUTLIER * self._samples)
+        if not 0 < len(which) < _OUTLIERS_MAX * self._windows.count:
+            return point
+        rest = point.starts.copy()
+        rest[which, 1:3] = 0.0
+        best = point.starts[which], point.residual[which]
+        dry = any(isinstance(one.kind, DRY) for one in point.fit.found)
+        for starts in (point.starts, rest) if dry else (point.starts,):
+            now = starts[which], self._residual(point, which, starts[which])
+            for part in (8, 2, 1):
+                for _ in range(_BEGINNINGS):
+                    now = self._begun_nearer(point, which, *now, self._horizon // part)
+                best = _better(best, now)
+        starts = point.starts.copy()
+        starts[which] = best[0]
+        begun = self._point(point.fit, starts)
+        return begun if self._misfit(begun) < self._misfit(point) else point
+
+    def _begun_nearer(
+        self,
+        point: _Point,
+        which: npt.NDArray[np.intp],
+        starts: Array,
+        residual: Array,
+        horizon: int,
+    ) -> tuple[Array, Array]:
+        """Windows from starts that are better up to a ``horizon``, or as they were."""
+        seen = np.tile(np.arange(self._horizon) < horizon, self._windows.channels)
+        columns = []
+        for step in np.diag(self._state_steps):
+            moved = starts.copy()
+            moved[:, self._free] += step
+            columns.append(residual - self._residual(point, which, moved))
+        of_states = np.stack(columns, axis=2)
+        back, _ = _eliminated(of_states[:, seen], residual[:, seen, None])
+        change = back[:, :, 0] * self._state_steps
+        best = starts, residual
+        for halving in range(_HALVINGS):
+            moved = starts.copy()
+            moved[:, self._free] += change * 0.3**halving
+            best = _better(best, (moved, self._residual(point, which, moved)), seen)
+        return best
+
+    def _residual(self, point: _Point, which: npt.NDArray[np.intp], starts: Array) -> Array:
+        """Errors (w, c l) of some windows from other starts (w, 4)."""
+        played = self._played(point.fit, starts, which)[0] - point.played[:, which]
+        residual: Array = point.residual[which] - self._vectors(point.fit, played)
+        return residual
+
+    # ---- Simulation
+
+    def _point(self, fit: Fit, starts: Array) -> _Point:
+        """Raises InputError for unknowns that no axis can have."""
+        outside = replace(fit, found=tuple(one for one in fit.found if _outside(one)))
+        simulated = outside.simulate(self._motion, fit.plant.states(starts))
+        angles, speeds = (one[:, :, : self._horizon] for one in simulated)
+        played = self._played(fit, starts)
+        # The steps of the core are not exact, but nearly the same with and without effects.
+        more = (played - self._played(outside, starts))[:, : self._windows.channels]
+        angles, speeds = angles + more[0], speeds + more[1]
+        residual = fit.vectors(fit.measured[:, :, : self._horizon] - angles)
+        if not np.all(np.isfinite(residual)):
+            raise InputError("the simulation has left all bounds")
+        return _Point(fit, starts, played[0], angles, speeds, residual)
+
+    def _played(self, fit: Fit, starts: Array, which: npt.NDArray[np.intp] | None = None) -> Array:
+        """Angles and speeds (2, 2, w, l) of motor and table, of some windows, by the core."""
+        windows, motion = self._windows, self._motion
+        chosen = slice(None) if which is None else which
+        outside = [one.push(motion, fit.plant) for one in fit.found if _outside(one)]
+        torque = np.mean(fit.commanded(outside, windows.cut(windows.torque)), axis=0)
+        axis, effects = self._in_core(fit)
+        turn = 2.0 * np.pi / motion.turn
+        absolute = starts.copy()
+        absolute[:, 3] += windows.angles[0, chosen, 0]
+        angles, speeds = core.simulate_windows(
+            axis,
+            effects,
+            windows.time_step,
+            torque[chosen, : self._horizon] * self._force(fit) / turn,
+            windows.time[chosen, 0],
+            absolute * turn,
+            self._substeps,
+        )
+        return np.stack([angles / turn + starts[:, 3:], speeds / turn])
+
+    def _force(self, fit: Fit) -> float:
+        """Inertias and torques are so many times larger in the core: then no range is left."""
+        return 1.0 / float(fit.plant.values[0])
+
+    def _in_core(self, fit: Fit) -> tuple[Axis, tuple[Effect, ...]]:
+        effects = [
+            Effect(one.kind.effect, one.kind.location, dict(one.params))
+            for one in fit.found
+            if not _outside(one)
+        ]
+        if isinstance(fit.plant, TwoInertias):
+            axis = fit.plant.axis
+        else:  # a table hangs on it by a shaft that carries nothing
+            inertia, viscous = fit.plant.values.tolist()
+            axis = Axis(inertia, inertia, 0.0, 1e-4 * inertia)
+            effects.append(Effect("friction_viscous", "motor", {"coefficient": viscous}))
+        return Model(axis, tuple(effects), self._windows.linear).rotary(self._force(fit))
+
+    # ---- Derivatives
+
+    def _derivatives(self, point: _Point) -> tuple[Array, Array]:
+        """By the steps of the initial states (w, c l, s) and along the directions (w, c l, k)."""
+        fit = point.fit
+
+        def change(other: Fit, starts: Array) -> Array:
+            return self._vectors(fit, self._played(other, starts)[0] - point.played)
+
+        of_states = []
+        for step in np.diag(self._state_steps):
+            starts = point.starts.copy()
+            starts[:, self._free] += step
+            of_states.append(change(fit, starts))
+        columns = []
+        for direction in fit.directions.T[: len(fit.plant.names)]:
+            other = fit.with_values(fit.values + _STEP * direction)
+            columns.append(change(other, point.starts) / _STEP)
+        if self._windows.channels == 2:
+            zero = np.zeros_like(point.angles)
+            zero[1] = 1.0
+            columns.append(fit.vectors(zero))
+        for one in fit.found:
+            first = len(columns)
+            if _outside(one):
+                moves = fit.moves(one, self._motion)
+                columns += [fit.vectors(angles[:, :, : self._horizon]) for angles in moves]
+                continue
+            size = float(np.linalg.norm(one.sizes))
+            for i, value in enumerate(one.values):
+                more = _STEP * size if i < len(one.sizes) else one.kind.difference * abs(value)
+                values = fit.values
+                values[first + i] += more
+                columns.append(change(fit.with_values(values), point.starts) / more)
+        return np.stack(of_states, axis=2), np.stack(columns, axis=2)
+
+    def _vectors(self, fit: Fit, angles: Array) -> Array:
+        return fit.vectors(angles[: self._windows.channels])
+
+
+def _outside(one: Found) -> bool:
+    return isinstance(one.kind, _OUTSIDE)
+
+
+def _squares(residual: Array) -> Array:
+    """Of the windows (w,)."""
+    squares: Array = np.sum(residual**2, axis=1)
+    return squares
+
+
+def _better(
+    one: tuple[Array, Array],
+    other: tuple[Array, Array],
+    seen: slice | npt.NDArray[np.bool_] = slice(None),
+) -> tuple[Array, Array]:
+    """Starts and errors of each window as in that of two in which what is seen is better."""
+    better = (_squares(other[1][:, seen]) < _squares(one[1][:, seen]))[:, None]
+    return np.where(better, other[0], one[0]), np.where(better, other[1], one[1])
+
+
+def _eliminated(of_states: Array, columns: Array) -> tuple[Array, Array]:
+    """Of columns (w, n, k) what initial states explain: the states (w, s, k), and what they do."""
+    gram = of_states.transpose(0, 2, 1) @ of_states
+    gram += np.eye(gram.shape[1]) / _STATE_SPREAD**2
+    states = np.linalg.solve(gram, of_states.transpose(0, 2, 1) @ columns)
+    return states, of_states @ states

@@ -1,0 +1,222 @@
+"""Windows simulated with their effects, against long simulations and what made a record."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from axistwin import core
+from axistwin.core import Array, Axis, Effect, Motion
+from axistwin.diagnose import windows
+from axistwin.diagnose.answer import stiff
+from axistwin.diagnose.effects import Backlash, Coulomb, EncoderDelay, ExtraMode, Found
+from axistwin.diagnose.fit import Fit
+from axistwin.diagnose.linear import Plant, Rigid, Torque, TwoInertias
+from axistwin.diagnose.replay import Replay, replay
+from axistwin.errors import InputError
+from axistwin.model import Model
+from axistwin.record import Record
+
+AXIS = Axis(1e-3, 5e-4, 8e-3, 20.0)  # 245 rad/s, damping ratio 0.05
+STEP = 1e-3
+NOISE = 2e-6
+
+# Reversals are simulated to a part of a sample, which moves the axis by more than that.
+ROUGH = 4e-5
+
+
+def torque(samples: int) -> Array:
+    """Held for some samples each, so that everything is moved, there and back."""
+    levels = np.random.default_rng(3).choice([-1.0, 0.3, 1.0], samples // 40 + 1)
+    return np.repeat(0.05 * levels, 40)[:samples]
+
+
+def states(motion: Motion, at: Array) -> Array:
+    """Of a motion at some samples (w,), in the order of State."""
+    columns = motion.twist, motion.twist_speed, motion.omega1, motion.theta1
+    return np.stack([column[at] for column in columns], axis=1)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        [Effect("friction_viscous", "table", {"coefficient": 1e-3})],
+        [
+            Effect("friction_coulomb", "motor", {"torque": 0.01}),
+            Effect("friction_drift", "motor", {"rate": 0.7}),
+        ],
+        [Effect("stiffness_drift", "shaft", {"rate": -0.3})],
+        [Effect("load_change", "table", {"ratio": 0.6, "time": 0.9137})],
+        [Effect("disturbance", "table", {"amplitude": 0.02, "frequency": 31.0, "phase": 0.4})],
+        [Effect("torque_ripple", "motor", {"amplitude": 0.02, "periods": 7.0, "phase": 1.0})],
+        [Effect("backlash", "shaft", {"gap": 4e-4})],
+        [Effect("stiffness_hardening", "shaft", {"coefficient": 3e5})],
+    ],
+    ids=lambda effects: effects[-1].effect,
+)
+def test_a_window_goes_on_where_a_simulation_was(effects: list[Effect]) -> None:
+    command, length = torque(2000), 100
+    whole = core.simulate_effects(AXIS, effects, STEP, command, held=True, substeps=200)
+    at = np.arange(0, 2000 - length, 190)
+    cut = at[:, None] + np.arange(length)
+    angles, speeds = core.simulate_windows(
+        AXIS, effects, STEP, command[cut], STEP * at, states(whole, at), 50
+    )
+    start = whole.theta1[at][:, None]
+    for found, expected in (
+        (angles[0], whole.theta1[cut] - start),
+        (angles[1], whole.theta2[cut] - start),
+        (speeds[0], whole.omega1[cut]),
+        (speeds[1], whole.omega2[cut]),
+    ):
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=2e-4 * np.max(np.abs(expected)))
+
+
+def test_the_vibration_is_exact_in_spite_of_the_steps() -> None:
+    starts = np.array([[1e-3, 0.0, 0.0, 0.0], [0.0, 0.2, 1.0, 0.0]])
+    still = np.zeros((2, 400))
+    angles, _ = core.simulate_windows(AXIS, [], STEP, still, np.zeros(2), starts, 1)
+    plant = TwoInertias(AXIS)
+    nothing = np.zeros((2, 2, 400))
+    exact, _ = plant.respond(STEP, Torque(nothing, nothing), plant.states(starts))
+    found, expected = angles[0] - angles[1], exact[0] - exact[1]
+    modal = core.modal(AXIS)
+    envelope = np.exp(-modal.zeta * modal.wn * STEP * np.arange(400))
+    size = np.array([[1e-3], [0.2 / modal.wn]])
+    # Nothing but its size is that of the steps: in 16 periods it does not get out of step.
+    assert np.max(np.abs(found - expected) / (size * envelope)) < 0.01
+
+
+def test_windows_of_what_no_axis_can_be_are_refused() -> None:
+    at = np.zeros(1), np.zeros((1, 4))
+    with pytest.raises(InputError):
+        core.simulate_windows(
+            AXIS, [Effect("backlash", "shaft", {"gap": -1.0})], STEP, np.zeros((1, 9)), *at
+        )
+    with pytest.raises(InputError):
+        core.simulate_windows(
+            AXIS, [], STEP, np.zeros((1, 9)), np.zeros(1), np.full((1, 4), np.nan)
+        )
+    drifting = [Effect("stiffness_drift", "shaft", {"rate": -0.5})]
+    with pytest.raises(InputError):
+        core.simulate_windows(AXIS, drifting, STEP, np.zeros((1, 9)), np.full(1, 3.0), at[1])
+
+
+@pytest.mark.parametrize("plant", [TwoInertias(AXIS), Rigid(2e-3, 0.01)])
+def test_the_states_of_core_and_plant_are_the_same(plant: Plant) -> None:
+    count = plant.free(STEP, 2).shape[0]
+    given = np.random.default_rng(1).standard_normal((5, count))
+    starts = plant.starts(given)
+    np.testing.assert_allclose(plant.states(starts), given, rtol=0.0, atol=1e-14)
+    nothing = np.zeros((plant.free(STEP, 2).shape[1], 5, 3))
+    angles, speeds = plant.respond(STEP, Torque(nothing, nothing), given)
+    np.testing.assert_allclose(starts[:, 3], angles[0, :, 0], rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(starts[:, 2], speeds[0, :, 0], rtol=0.0, atol=1e-14)
+    if len(angles) == 2:
+        np.testing.assert_allclose(starts[:, 0], angles[0, :, 0] - angles[1, :, 0], atol=1e-14)
+        np.testing.assert_allclose(starts[:, 1], speeds[0, :, 0] - speeds[1, :, 0], atol=1e-14)
+
+
+# ---- Fits
+
+
+def record(effects: tuple[Effect, ...], *, one: bool = False, noise: float = NOISE) -> Record:
+    """Of an axis with effects, its encoders with noise."""
+    command = torque(16_000)
+    axis = stiff(1.5e-3, STEP) if one else AXIS
+    theta = Model(axis, effects).simulate(command, STEP, substeps=60)
+    random = np.random.default_rng(5)
+    first, second = (angle + noise * random.standard_normal(len(angle)) for angle in theta)
+    time = STEP * np.arange(len(command))
+    return Record(
+        time=time,
+        torque=command,
+        theta1=first,
+        theta2=None if one else second,
+        time_step=STEP,
+    )
+
+
+def nearly(plant: Plant) -> Plant:
+    """A plant that is a few per cent off."""
+    return plant.with_values(plant.values * np.resize([1.03, 0.95, 1.2, 0.97], len(plant.values)))
+
+
+def fitted(record: Record, plant: Plant, found: tuple[Found, ...], noise: float = NOISE) -> Replay:
+    """The replay of a fit that starts off a few per cent from what is true."""
+    cut = windows.cut(record)
+    fit = Fit(cut, "zoh", nearly(plant), found=found, noise=np.full(cut.channels, noise))
+    fit, motion = fit.adjust()
+    played = replay(fit, motion)
+    assert played is not None
+    return played
+
+
+def deviations(played: Replay, expected: Array) -> Array:
+    """Of all unknowns but the zero of the encoders, in standard errors."""
+    columns = played.columns[~played.fit.windows.held_out]
+    gram = np.einsum("wan,wbn->ab", columns, columns)
+    spread = played.fit.directions @ np.linalg.inv(gram) @ played.fit.directions.T
+    found, error = played.fit.values, np.sqrt(np.diag(spread))
+    known = [i for i, name in enumerate(played.fit.names) if name != "zero"]
+    deviations: Array = (found[known] - expected) / error[known]
+    return deviations
+
+
+def mean_square(played: Replay) -> float:
+    """Of what is left, in units of the noise."""
+    cut = played.fit.windows
+    free = 4 if cut.channels == 2 else 2
+    return float(np.sum(played.residual**2)) / (cut.count * (cut.channels * cut.length - free))
+
+
+def test_a_gap_is_found_as_wide_as_it_is() -> None:
+    gap = 1.5e-3
+    played = fitted(
+        record((Effect("backlash", "shaft", {"gap": gap}),)),
+        TwoInertias(AXIS),
+        (Found(Backlash(), np.zeros(0), (1.05 * gap,)),),
+    )
+    assert mean_square(played) == pytest.approx(1.0, abs=0.03)
+    assert np.max(np.abs(deviations(played, np.array([*TwoInertias(AXIS).values, gap])))) < 4.0
+
+
+def test_friction_that_holds_an_axis_is_found_and_a_delay_beside_it() -> None:
+    friction, delay = 0.02, 3e-4
+    effects = (
+        Effect("friction_coulomb", "motor", {"torque": friction}),
+        Effect("delay", "encoder2", {"time": delay}),
+    )
+    found = (
+        Found(Coulomb(0), np.array([0.96 * friction]), ()),
+        Found(EncoderDelay(1), np.zeros(0), (1.05 * delay,)),
+    )
+    played = fitted(record(effects, noise=ROUGH), TwoInertias(AXIS), found, ROUGH)
+    assert mean_square(played) == pytest.approx(1.0, abs=0.1)
+    truth = np.array([*TwoInertias(AXIS).values, friction, delay])
+    known = [i for i, name in enumerate(played.fit.names) if name != "zero"]
+    assert np.max(np.abs(played.fit.values[known] / truth - 1.0)) < 5e-3
+
+
+def test_friction_of_a_rigid_axis_that_stops_is_found() -> None:
+    friction, viscous = 0.02, 2e-3
+    effects = (
+        Effect("friction_coulomb", "motor", {"torque": friction}),
+        Effect("friction_viscous", "motor", {"coefficient": viscous}),
+    )
+    found = (Found(Coulomb(0), np.array([0.96 * friction]), ()),)
+    played = fitted(record(effects, one=True, noise=ROUGH), Rigid(1.5e-3, viscous), found, ROUGH)
+    assert mean_square(played) == pytest.approx(1.0, abs=0.1)
+    truth = np.array([1.5e-3, viscous, friction])
+    assert np.max(np.abs(played.fit.values / truth - 1.0)) < 0.01
+
+
+def test_nothing_is_simulated_that_a_window_shows_no_beginning_of() -> None:
+    cut = windows.cut(record(()))
+    fit = Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, NOISE))
+    motion = fit.motion(None)
+    assert replay(fit, motion) is None
+    mode = Found(ExtraMode(1), np.array([0.1]), (500.0, 0.02))
+    assert replay(replace(fit, found=(mode,)), motion) is None
