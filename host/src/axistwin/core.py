@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import functools
 import importlib
+import itertools
+import os
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass, field
 from typing import Any, Literal, TypeAlias
 
@@ -494,27 +497,37 @@ def simulate_windows(
     As simulate_effects() with each sample of the ``torque`` (w, n) held until the next, but without
     errors of the encoders. Each window begins anew from ``starts`` (w, 4), in the order of State,
     at its time (w,) [s], until which everything that drifts and turns has gone on. Angles are
-    counted from where the motor was at the start of each window. Raises InputError as
+    counted from where the motor was at the start of each window. On all cores. Raises InputError as
     simulate_effects(), also when a stiffness has drifted to nothing by a window.
     """
     core = _load("float64")
-    windows, length = torque.shape
-    found = np.empty((2, 2, windows, length))
-    status = core.lib.axt_loop_windows(
-        _axis(core, axis),
-        core.array("axt_effects", _effects(core, effects)),
-        time_step,
-        substeps,
-        core.array("axt_real", np.ascontiguousarray(times, np.float64)),
-        core.array("axt_motion", _motions_of(core, starts)),
-        core.array("axt_real", np.ascontiguousarray(torque, np.float64)),
-        windows,
-        length,
-        core.array("axt_real", found[0]),
-        core.array("axt_real", found[1]),
-    )
-    _check(core, status, f"simulation of {axis} with {list(effects)}, {time_step=}")
-    return found[0], found[1]
+    numbers, motions = _effects(core, effects), _motions_of(core, starts)
+
+    def run(part: slice) -> tuple[int, Array]:
+        acting = np.ascontiguousarray(torque[part], np.float64)
+        found = np.empty((2, 2, *acting.shape))
+        status = core.lib.axt_loop_windows(
+            _axis(core, axis),
+            core.array("axt_effects", numbers),
+            time_step,
+            substeps,
+            core.array("axt_real", np.ascontiguousarray(times[part], np.float64)),
+            core.array("axt_motion", motions[part]),
+            core.array("axt_real", acting),
+            *acting.shape,
+            core.array("axt_real", found[0]),
+            core.array("axt_real", found[1]),
+        )
+        return status, found
+
+    count = min(os.cpu_count() or 1, len(torque))
+    bounds = np.linspace(0, len(torque), count + 1).astype(int).tolist()
+    with ThreadPoolExecutor(count) as threads:
+        parts = list(threads.map(run, itertools.starmap(slice, itertools.pairwise(bounds))))
+    for status, _ in parts:
+        _check(core, status, f"simulation of {axis} with {list(effects)}, {time_step=}")
+    angles, speeds = np.concatenate([found for _, found in parts], axis=2)
+    return angles, speeds
 
 
 def motion(states: Iterable[State], precision: Precision = "float64") -> Motion:

@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from axistwin.diagnose import answer, intake, search, windows
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Plant, Rigid, TwoInertias
@@ -22,6 +24,13 @@ from axistwin.identify.samples import Hold, longest_stretch
 from axistwin.record import Record
 
 Progress = Callable[[str], None]
+
+#: An axis whose error is so many times the noise (squared) soon does something else than its
+#: simulation, in a time that effects change a lot. Then windows are so many times shorter, but as
+#: long as some periods of the vibration.
+_FAR = 100.0
+_SHORTER = 16
+_PERIODS = 3.0
 
 #: Samples that a first guess of the axis is made from.
 _START_SAMPLES = 20_000
@@ -42,10 +51,22 @@ def diagnose(
     examined = intake.examine(record)
     cut = windows.cut(record, window)
     progress("looking for the axis")
-    bases = search.begin(Fit(cut, hold, _start(record, cut, hold, progress)))
+    start = _start(record, cut, hold, progress)
+    bases = search.begin(Fit(cut, hold, start))
+    if window is None and all(base.scale > _FAR for base in bases):
+        short = windows.cut(record, _short(start, cut))
+        bases = search.begin(Fit(short, hold, start))
     found = search.look(bases, progress)
     progress("final fit")
     return answer.of(record, found, examined)
+
+
+def _short(start: Plant, cut: Windows) -> float:
+    """The length of windows [s] that are short, and still show the shaft vibrate."""
+    length = cut.length // _SHORTER * cut.time_step
+    if isinstance(start, TwoInertias):
+        return max(length, _PERIODS * 2.0 * np.pi / start.frequency)
+    return length
 
 
 def _start(record: Record, cut: Windows, hold: Hold, progress: Progress) -> Plant:

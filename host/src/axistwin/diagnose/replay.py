@@ -61,7 +61,7 @@ _LITTLE_FROM_AFAR = 1e-2
 #: Mean square of the error of a window, in units of the noise, from which on it is an outlier; and
 #: how often such a one is begun anew on each of its ever longer parts. When there are more than
 #: this share of them it is not the beginnings that are wrong.
-_OUTLIER = 1.5
+_OUTLIER = 2.0
 _BEGINNINGS = 2
 _OUTLIERS_MAX = 0.4
 
@@ -135,7 +135,7 @@ class _Replaying:
     def adjusted(self) -> Replay:
         """Raises InputError where there is no way to begin."""
         point = self._beginning(self._fit)
-        if self._misfit(point) > _OUTLIER * self._samples * self._windows.count:
+        if not self._near(point):
             point = self._from_afar()
         if self._sudden:
             self._substeps = max(self._steps(_SUDDEN_STEP_MAX), _SUDDEN_STEPS_MIN)
@@ -161,6 +161,8 @@ class _Replaying:
                 continue
             if best is None or self._misfit(point) < self._misfit(best):
                 best = point
+            if self._near(best):
+                break
         if best is None:
             raise InputError("no axis behaves like that")
         for part in _HORIZONS[1:]:
@@ -197,6 +199,10 @@ class _Replaying:
         """Of a window, up to the horizon."""
         return self._windows.channels * self._horizon
 
+    def _near(self, point: _Point) -> bool:
+        """Is the error about that of noise?"""
+        return self._misfit(point) < _OUTLIER * self._samples * self._windows.count
+
     # ---- Unknowns of all windows
 
     def _misfit(self, point: _Point) -> float:
@@ -227,7 +233,7 @@ class _Replaying:
             starts = point.starts.copy()
             starts[:, self._free] += share * states
             try:
-                moved = self._begun(self._point(point.fit.moved(share * step), starts))
+                moved = self._point(point.fit.moved(share * step), starts)
             except InputError:
                 continue
             if self._misfit(moved) < self._misfit(point):
