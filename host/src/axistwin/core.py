@@ -29,6 +29,9 @@ _MODULES = {"float32": "axistwin._core32", "float64": "axistwin._core64"}
 _FORMS = {"3x2": "AXT_IDENT_3X2", "5x4": "AXT_IDENT_5X4"}
 _TURN = 2.0 * np.pi
 
+# Steps of a simulation that are worth a thread of their own: some milliseconds.
+_WORTH_A_THREAD = 100_000
+
 
 @dataclass(frozen=True)
 class Axis:
@@ -520,7 +523,8 @@ def simulate_windows(
         )
         return status, found
 
-    count = min(os.cpu_count() or 1, len(torque))
+    worth = int(torque.size * substeps / _WORTH_A_THREAD) + 1
+    count = min(os.cpu_count() or 1, worth, len(torque))
     bounds = np.linspace(0, len(torque), count + 1).astype(int).tolist()
     with ThreadPoolExecutor(count) as threads:
         parts = list(threads.map(run, itertools.starmap(slice, itertools.pairwise(bounds))))

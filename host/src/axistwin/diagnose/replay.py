@@ -65,8 +65,10 @@ _OUTLIER = 2.0
 _BEGINNINGS = 2
 _OUTLIERS_MAX = 0.4
 
-#: Samples that are simulated at least.
-_HORIZON_MIN = 16
+#: Samples that are simulated at least, if a window has so many; and an error of these [noise
+#: squared] from which no way leads to one that is about noise.
+_HORIZON_MIN = 48
+_HOPELESS = 3.0
 
 #: Parts of a window that are simulated one after another from afar.
 _HORIZONS = (16, 8, 4, 2)
@@ -152,9 +154,10 @@ class _Replaying:
         """Far off, a simulation soon has nothing in common with what it is adjusted to: short ones
         first. Plants that are alike from afar are all tried on those."""
         length = self._windows.length
+        parts = sorted({max(length // part, min(_HORIZON_MIN, length)) for part in _HORIZONS})
+        self._horizon = parts[0]
         best: _Point | None = None
         for plant in (self._fit.plant, *self._fit.plant.others()):
-            self._horizon = max(length // _HORIZONS[0], _HORIZON_MIN)
             try:
                 point, _, _ = self._rounds(self._beginning(replace(self._fit, plant=plant)))
             except InputError:
@@ -163,10 +166,9 @@ class _Replaying:
                 best = point
             if self._near(best):
                 break
-        if best is None:
+        if best is None or not self._near(best, _HOPELESS):
             raise InputError("no axis behaves like that")
-        for part in _HORIZONS[1:]:
-            self._horizon = max(length // part, _HORIZON_MIN)
+        for self._horizon in parts[1:]:
             best, _, _ = self._rounds(best)
         self._horizon = length
         return best
@@ -199,9 +201,9 @@ class _Replaying:
         """Of a window, up to the horizon."""
         return self._windows.channels * self._horizon
 
-    def _near(self, point: _Point) -> bool:
-        """Is the error about that of noise?"""
-        return self._misfit(point) < _OUTLIER * self._samples * self._windows.count
+    def _near(self, point: _Point, times: float = 1.0) -> bool:
+        """Is the error about that of noise, or so many times that?"""
+        return self._misfit(point) < times * _OUTLIER * self._samples * self._windows.count
 
     # ---- Unknowns of all windows
 
