@@ -139,7 +139,7 @@ CASE(dry_friction_obeys_its_law_and_takes_energy) {
         }
         /* friction takes its limit times the way, which is no shorter than how far it gets */
         const wide taken = (wide)c.change * mean - (end * end - (wide)c.start * (wide)c.start) / 2;
-        CHECK(taken >= (wide)c.most * fabsl(mean) - rounding);
+        CHECK(taken >= (wide)c.most * fabsl(mean) - (wide)rounding);
         if (c.most == 0) {
             CHECK(step.change == c.change && step.bend == 0);
         }
@@ -321,8 +321,8 @@ typedef struct {
 } squared_errors;
 
 /* Both inertias are shaken in proportion, so the shaft stays straight. */
-static void add_errors(double time_step, double phase, squared_errors *sum) {
-    const double frequency = 400;
+static void add_errors(double time_step, wide phase, squared_errors *sum) {
+    const wide frequency = 400;
     const shaken s = {.drive = 4000, .dry = 1500};
     const wide inertia[2] = {(wide)axt_axis_paper.I1, (wide)axt_axis_paper.I2};
     axt_effects effects = {0};
@@ -335,7 +335,7 @@ static void add_errors(double time_step, double phase, squared_errors *sum) {
     axt_machine machine = machine_of(&axt_axis_paper, (axt_real)time_step, &effects);
     const wide first = asinl(s.dry / s.drive);
     const wide second = turning_point(&s, first);
-    const int steps = (int)lrint(4.6 / (frequency * time_step));
+    const int steps = (int)lrintl(4.6L / (frequency * (wide)time_step));
     for (int n = 1; n <= steps; n++) {
         CHECK_EQUAL(axt_machine_step(&machine, 0), AXT_OK);
         const axt_motion motion = motion_of(&machine);
@@ -359,7 +359,7 @@ CASE(half_the_step_leaves_a_quarter_of_the_error_of_breaking_away_and_turning) {
     squared_errors errors[2] = {{.turned = 0}};
     uint64_t seed = 22;
     for (int n = 0; n < 64; n++) { /* the events fall anywhere in a step */
-        const double phase = (double)uniform(&seed, -0.2, 0);
+        const wide phase = (wide)uniform(&seed, -0.2, 0);
         add_errors(2e-4, phase, &errors[0]);
         add_errors(1e-4, phase, &errors[1]);
     }
@@ -373,12 +373,12 @@ CASE(half_the_step_leaves_a_quarter_of_the_error_of_breaking_away_and_turning) {
 
 /* The table sticks, and the motor swings on the shaft against friction: each half swing is shorter
  * by 2 L / K than the one before, until the spring does not overcome the limit L. */
-static wide error_of_rest(double time_step, int swings, double left) {
-    const double dry = 0.01;
+static wide error_of_rest(double time_step, int swings, wide left) {
+    const axt_real dry = (axt_real)0.01;
     axt_axis axis = axt_axis_paper;
     axis.B = 0;
-    const axt_effects effects = {.friction = {{.coulomb = (axt_real)dry}, {.coulomb = 10}}};
-    const double unit = dry / (double)axis.K;
+    const axt_effects effects = {.friction = {{.coulomb = dry}, {.coulomb = 10}}};
+    const wide unit = (wide)dry / (wide)axis.K;
     axt_machine machine = machine_of(&axis, (axt_real)time_step, &effects);
     const axt_motion start = {.twist = (axt_real)((2 * swings + left) * unit)};
     CHECK_EQUAL(axt_machine_set(&machine, &start, 0), AXT_OK);
@@ -387,15 +387,15 @@ static wide error_of_rest(double time_step, int swings, double left) {
     }
     const axt_motion motion = motion_of(&machine);
     CHECK(motion.speed == 0 && motion.twist_speed == 0);
-    const double sign = (swings % 2 == 0) ? 1 : -1;
-    return ((wide)motion.twist - sign * left * unit) / unit;
+    const wide side = (swings % 2 == 0) ? 1 : -1;
+    return (wide)motion.twist / unit - side * left;
 }
 
 CASE(a_swing_on_the_shaft_ends_where_its_closed_form_says_to_second_order) {
     wide errors[2] = {0, 0};
     uint64_t seed = 23;
     for (int n = 0; n < 64; n++) {
-        const double left = (double)uniform(&seed, -0.6, 0.6);
+        const wide left = (wide)uniform(&seed, -0.6, 0.6);
         errors[0] += powl(error_of_rest(1e-4, 3, left), 2);
         errors[1] += powl(error_of_rest(5e-5, 3, left), 2);
     }
