@@ -33,7 +33,7 @@ axt_friction_step axt_friction_slide(axt_real start, axt_real change, axt_real m
     const axt_real way = (start < AXT_R(0)) ? AXT_R(-1) : AXT_R(1);
     const axt_real speed = axt_abs(start);
     const axt_real onward = way * change - most;
-    if (!(speed + onward <= AXT_R(0))) {
+    if (!(speed + onward <= AXT_R(0))) { /* nor is what is no number held */
         return (axt_friction_step){.change = way * onward};
     }
     const axt_real until = (speed > AXT_R(0)) ? speed / -onward : AXT_R(0); /* it stops */

@@ -121,14 +121,6 @@ EQUIVALENT = [
         "differs for -0 alone, and a sum of 1 and a number, which x is, is never -0",
     ),
     Equivalent(
-        "lib/axt_machine.c",
-        "machine->rejected += (status != AXT_OK);",
-        "+=",
-        "-=",
-        "adds 0: torque beyond the limit has been refused before, and the ranges of the settings "
-        "keep the speeds finite (tests/coverage/coverage.py)",
-    ),
-    Equivalent(
         "lib/axt_monitor.c",
         "normal->deviation = AXT_R(1) / ((deviation > least) ? deviation : least);",
         ">",

@@ -692,13 +692,18 @@ CASE(no_parameter_and_no_torque_makes_a_number_that_is_none) {
             }
         }
         accepted++;
+        uint32_t refused = 0;
         for (int n = 0; n < 50; n++) {
             const axt_real torque = (n % 5 == 0)
                                         ? any_bits(&seed)
                                         : uniform(&seed, -1, 1) * (axt_real)machine.plant.half_turn;
-            (void)axt_machine_step(&machine, torque);
+            const axt_motion before = motion_of(&machine);
+            const bool taken = axt_machine_step(&machine, torque) == AXT_OK;
             const axt_motion motion = motion_of(&machine);
             const axt_motion shown = measured_of(&machine);
+            CHECK(taken || same_motion(&motion, &before));
+            refused += !taken;
+            CHECK_EQUAL(machine.rejected, refused);
             CHECK(all_finite(&motion));
             CHECK(all_finite(&shown));
         }
