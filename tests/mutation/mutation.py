@@ -100,6 +100,13 @@ LARGER = "the larger of two: where they are equal it is the same"
 
 EQUIVALENT = [
     Equivalent(
+        "lib/axt_friction.c",
+        "const axt_real way = (start < AXT_R(0)) ? AXT_R(-1) : AXT_R(1);",
+        "<",
+        "<=",
+        "from rest both ways are the same",
+    ),
+    Equivalent(
         "lib/axt_machine.c",
         "return (axt_real)(int32_t)(x + ((x < AXT_R(0)) ? AXT_R(-0.5) : AXT_R(0.5)));",
         "<",
