@@ -4,18 +4,23 @@
  * torques over the step, for motor and table (shaft torque S, twist speed v = w1 - w2, h = Dt):
  *
  *     (I1 + h c1 / 2) d1 = h (T1 - c1 w1 - S) + P1
- *     (I2 + h c2 / 2) d2 = h (T2 - c2 w2 + S) + P2        q+ = q + h (v + v+) / 2
+ *     (I2 + h c2 / 2) d2 = h (T2 - c2 w2 + S) + P2        q+ = q + h (v + v+ + k1 - k2) / 2
  *
- * c is viscous friction. S depends on the mean twist speed; linearised where the last sweep has
- * left it (Newton), S = S0 + g (d1 - d2) / 2, the two equations are a 2 x 2 system whose inverse
- * has no cancellation: of positive numbers a, b, G = h g / 2,
+ * c is viscous friction. k is zero but where dry friction stops an inertia within the step: its
+ * speed over time then has a bend, and its mean is not that of both ends (axt_friction.h). S
+ * depends on the mean twist speed; linearised where the last sweep has left it (Newton), the k
+ * being those of the last sweep, S = S0 + g (d1 - d2) / 2, the two equations are a 2 x 2 system
+ * whose inverse has no cancellation: of positive numbers a, b, G = h g / 2,
  *
  *     [a + G   -G ]^-1                      [b + G    G  ]
  *     [ -G   b + G]     =  1 / (ab + (a+b)G)[  G    a + G]
  *
  * The impulses P1, P2 of dry friction are solved for one after the other (Gauss-Seidel), each
- * exactly (axt_friction.h). One friction point on a plain shaft takes one sweep; otherwise a few
- * are made until nothing changes.
+ * exactly. What one alters changes against what the other does to its speed and by no more
+ * (axt_friction.h), and of that the shaft passes on only a share, so the sweeps converge. One
+ * friction point on a plain shaft takes one sweep unless it stops; otherwise a few are made until
+ * nothing changes. S is the change of the spring's energy over that of the twist, with the k in it,
+ * and friction takes its limit times all of the way, so no step adds energy (wn h <= 1).
  *
  * The further mode, an inertia m on a spring at the table with frequency p and damping ratio z,
  * depends linearly on d2 and is eliminated: with twist y and twist speed u,
@@ -294,7 +299,7 @@ typedef struct {
     axt_real inertia[2]; /* with viscous friction and the further mode: a, b */
     axt_real impulse[2]; /* of all but shaft and dry friction [N m s] */
     axt_real dry[2];     /* limit of the impulse of dry friction [N m s] */
-    uint32_t sweeps;
+    bool plain;          /* a straight line for a shaft, and at most one dry friction */
 } step_terms;
 
 /* The part of the step that lies after the change of the load. */
@@ -338,13 +343,13 @@ static void find_terms(axt_machine *machine, axt_real torque, step_terms *terms)
         terms->dry[i] = h * grown * axt_friction_limit(friction, speed);
         dry += any(terms->dry[i]);
     }
-    const bool plain = !any(terms->shaft.hardening) && !any(terms->shaft.play);
-    terms->sweeps = (plain && dry < 2) ? 1 : SWEEPS;
+    terms->plain = !any(terms->shaft.hardening) && !any(terms->shaft.play) && dry < 2;
 }
 
 /* How the speeds of motor and table change, and whether friction holds them. */
 typedef struct {
     axt_real change[2];
+    axt_real bend[2]; /* k1, k2 */
     bool held[2];
 } step_speeds;
 
@@ -355,10 +360,11 @@ static void solve(const axt_machine *machine, const step_terms *terms, step_spee
     const axt_real v = terms->twist_speed;
     const axt_real twist = machine->motion.twist;
     axt_real stopped[2] = {AXT_R(0), AXT_R(0)}; /* changes of speed by dry friction [rad/s] */
+    axt_real bend = AXT_R(0);                   /* of the twist speed: half of k1 - k2 */
     axt_real rate = v;
-    for (uint32_t sweep = 0; sweep < terms->sweeps; sweep++) {
+    for (uint32_t sweep = 0; sweep < SWEEPS; sweep++) {
         const axt_shaft_torque shaft = axt_shaft_mean(&terms->shaft, twist, rate, h);
-        const axt_real through = h * axt_fma(shaft.slope, v - rate, shaft.torque);
+        const axt_real through = h * axt_fma(shaft.slope, v + bend - rate, shaft.torque);
         const axt_real coupling = AXT_R(0.5) * h * shaft.slope;
         const axt_real scale = AXT_R(1) / (a * b + (a + b) * coupling);
         const axt_real compliance[2] = {(b + coupling) * scale, (a + coupling) * scale};
@@ -375,16 +381,19 @@ static void solve(const axt_machine *machine, const step_terms *terms, step_spee
                 axt_friction_slide(machine->speed[i], free, compliance[i] * terms->dry[i]);
             found->held[i] = slid.held && any(terms->dry[i]);
             found->change[i] = slid.change;
+            found->bend[i] = slid.bend;
             stopped[i] = slid.change - free;
         }
         if (!found->held[0]) { /* the table's friction has changed since */
             found->change[0] = smooth[0] + stopped[0] + share[0] * stopped[1];
         }
         const axt_real last = rate;
-        rate = axt_fma(AXT_R(0.5), found->change[0] - found->change[1], v);
+        bend = AXT_R(0.5) * (found->bend[0] - found->bend[1]);
+        rate = axt_fma(AXT_R(0.5), found->change[0] - found->change[1], v + bend);
         /* the next sweep would change the square of this, or a share of it as small */
         const axt_real size = axt_fma(h, axt_abs(rate), axt_abs(twist));
-        if (!(h * axt_abs(rate - last) > settled * size)) {
+        const bool changes = h * axt_abs(rate - last) > settled * size;
+        if ((terms->plain && !any(bend)) || !changes) {
             break;
         }
     }
@@ -409,8 +418,11 @@ static void move(axt_machine *machine, const step_speeds *speeds, axt_real twist
     const axt_real rate =
         (machine->speed[0] - machine->speed[1]) + (machine->speed_low[0] - machine->speed_low[1]);
     machine->motion.twist =
-        limit(axt_fma(half, twist_speed + rate, machine->motion.twist), twist_max);
-    advance(&machine->motion, half * turns_per_rad * (before[0] + machine->speed[0]));
+        limit(axt_fma(half, twist_speed + rate + (speeds->bend[0] - speeds->bend[1]),
+                      machine->motion.twist),
+              twist_max);
+    advance(&machine->motion,
+            half * turns_per_rad * (before[0] + machine->speed[0] + speeds->bend[0]));
 
     if (any(machine->mode_inertia)) {
         const axt_real pull = axt_fma(machine->mode_pull, machine->mode_twist,
@@ -419,8 +431,9 @@ static void move(axt_machine *machine, const step_speeds *speeds, axt_real twist
         const axt_real change = speeds->change[1] * (AXT_R(1) - machine->mode_share) - own;
         const axt_real mode_speed =
             limit(machine->mode_speed + change, AXT_R(2) * machine->speed_max);
-        machine->mode_twist =
-            limit(axt_fma(half, machine->mode_speed + mode_speed, machine->mode_twist), twist_max);
+        machine->mode_twist = limit(
+            axt_fma(half, machine->mode_speed + mode_speed + speeds->bend[1], machine->mode_twist),
+            twist_max);
         machine->mode_speed = mode_speed;
     }
 }

@@ -75,9 +75,9 @@ typedef struct {
 } axt_machine;
 
 /* The machine at rest at angle 0 with torque 0. Fails as axt_plant_init() and axt_effects_check();
- * `machine` is then unchanged. With play, hardening or dry friction at both ends, wn Dt should be
- * at most 1: beyond that their equations may not be solved in the sweeps there are, and though
- * everything stays bounded it is not the axis meant. */
+ * `machine` is then unchanged. With play, hardening or dry friction, wn Dt should be at most 1:
+ * beyond that their equations may not be solved in the sweeps there are, and though everything
+ * stays bounded it is not the axis meant. */
 axt_status axt_machine_init(axt_machine *machine, const axt_axis *axis, axt_real time_step,
                             axt_torque_course course, const axt_effects *effects);
 

@@ -52,8 +52,6 @@ JUSTIFIED = {
         "lib/axt_machine.c",
         "return axt_finite(speeds->change[0]) && axt_finite(speeds->change[1]);",
     ): RANGES,
-    ("lib/axt_machine.c", "if (!bounded(&speeds)) {"): RANGES,
-    ("lib/axt_machine.c", "return AXT_ERROR_RANGE;"): RANGES,
     ("lib/axt_math.h", "while (power > x && power > AXT_R(1e-30)) {"): RANGES,
     ("lib/axt_math.h", "while (power <= AXT_R(0.5) * x && power < AXT_R(1e30)) {"): RANGES,
     ("lib/axt_monitor.c", "return (b > OVERSHOOT) ? b - OVERSHOOT : AXT_R(0);"): RANGES,

@@ -78,6 +78,18 @@ CASES: dict[str, tuple[list[Effect], dict[str, Any], float, float]] = {
         5e-4,
         2e-3,
     ),
+    "reversals at the motor": (
+        [dry(0.01, "motor")],
+        {"friction": (Friction(0.01), Friction())},
+        5e-5,
+        1e-3,
+    ),
+    "reversals at the table": (
+        [dry(0.01, "table")],
+        {"friction": (Friction(), Friction(0.01))},
+        5e-5,
+        1e-3,
+    ),
     "all of friction": (
         [
             dry(0.03, "table"),
@@ -175,7 +187,18 @@ def test_an_effect_moves_the_axis_as_scipy_says(case: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "case", ["coulomb at both", "all of friction", "hardening", "a further mode", "ripple"]
+    "case",
+    [
+        "coulomb at the motor",
+        "coulomb at the table",
+        "coulomb at both",
+        "reversals at the motor",
+        "reversals at the table",
+        "all of friction",
+        "hardening",
+        "a further mode",
+        "ripple",
+    ],
 )
 def test_the_error_falls_with_the_square_of_the_step(case: str) -> None:
     """Of second order, through sticking too; 4 steps from sample to sample leave a tenth."""

@@ -100,6 +100,13 @@ LARGER = "the larger of two: where they are equal it is the same"
 
 EQUIVALENT = [
     Equivalent(
+        "lib/axt_friction.c",
+        "const axt_real way = (start < AXT_R(0)) ? AXT_R(-1) : AXT_R(1);",
+        "<",
+        "<=",
+        "from rest both ways are the same",
+    ),
+    Equivalent(
         "lib/axt_machine.c",
         "return (axt_real)(int32_t)(x + ((x < AXT_R(0)) ? AXT_R(-0.5) : AXT_R(0.5)));",
         "<",
@@ -119,14 +126,6 @@ EQUIVALENT = [
         ">",
         ">=",
         "differs for -0 alone, and a sum of 1 and a number, which x is, is never -0",
-    ),
-    Equivalent(
-        "lib/axt_machine.c",
-        "machine->rejected += (status != AXT_OK);",
-        "+=",
-        "-=",
-        "adds 0: torque beyond the limit has been refused before, and the ranges of the settings "
-        "keep the speeds finite (tests/coverage/coverage.py)",
     ),
     Equivalent(
         "lib/axt_monitor.c",
