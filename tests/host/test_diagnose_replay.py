@@ -21,10 +21,7 @@ from axistwin.record import Record
 
 AXIS = Axis(1e-3, 5e-4, 8e-3, 20.0)  # 245 rad/s, damping ratio 0.05
 STEP = 1e-3
-NOISE = 2e-6
-
-# Reversals are simulated to a part of a sample, which moves the axis by more than that.
-ROUGH = 4e-5
+NOISE = 5e-6
 
 
 def torque(samples: int) -> Array:
@@ -122,13 +119,13 @@ def test_the_states_of_core_and_plant_are_the_same(plant: Plant) -> None:
 # ---- Fits
 
 
-def record(effects: tuple[Effect, ...], *, one: bool = False, noise: float = NOISE) -> Record:
+def record(effects: tuple[Effect, ...], *, one: bool = False) -> Record:
     """Of an axis with effects, its encoders with noise."""
     command = torque(16_000)
     axis = stiff(1.5e-3, STEP) if one else AXIS
     theta = Model(axis, effects).simulate(command, STEP, substeps=60)
     random = np.random.default_rng(5)
-    first, second = (angle + noise * random.standard_normal(len(angle)) for angle in theta)
+    first, second = (angle + NOISE * random.standard_normal(len(angle)) for angle in theta)
     time = STEP * np.arange(len(command))
     return Record(
         time=time,
@@ -144,10 +141,10 @@ def nearly(plant: Plant) -> Plant:
     return plant.with_values(plant.values * np.resize([1.03, 0.95, 1.2, 0.97], len(plant.values)))
 
 
-def fitted(record: Record, plant: Plant, found: tuple[Found, ...], noise: float = NOISE) -> Replay:
+def fitted(record: Record, plant: Plant, found: tuple[Found, ...]) -> Replay:
     """The replay of a fit that starts off a few per cent from what is true."""
     cut = windows.cut(record)
-    fit = Fit(cut, "zoh", nearly(plant), found=found, noise=np.full(cut.channels, noise))
+    fit = Fit(cut, "zoh", nearly(plant), found=found, noise=np.full(cut.channels, NOISE))
     fit, motion = fit.adjust()
     played = replay(fit, motion)
     assert played is not None
@@ -193,8 +190,12 @@ def test_friction_that_holds_an_axis_is_found_and_a_delay_beside_it() -> None:
         Found(Coulomb(0), np.array([0.96 * friction]), ()),
         Found(EncoderDelay(1), np.zeros(0), (1.05 * delay,)),
     )
-    played = fitted(record(effects, noise=ROUGH), TwoInertias(AXIS), found, ROUGH)
-    assert mean_square(played) == pytest.approx(1.0, abs=0.1)
+    played = fitted(
+        record(effects),
+        TwoInertias(AXIS),
+        found,
+    )
+    assert mean_square(played) == pytest.approx(1.0, abs=0.05)
     truth = np.array([*TwoInertias(AXIS).values, friction, delay])
     known = [i for i, name in enumerate(played.fit.names) if name != "zero"]
     assert np.max(np.abs(played.fit.values[known] / truth - 1.0)) < 5e-3
@@ -207,8 +208,12 @@ def test_friction_of_a_rigid_axis_that_stops_is_found() -> None:
         Effect("friction_viscous", "motor", {"coefficient": viscous}),
     )
     found = (Found(Coulomb(0), np.array([0.96 * friction]), ()),)
-    played = fitted(record(effects, one=True, noise=ROUGH), Rigid(1.5e-3, viscous), found, ROUGH)
-    assert mean_square(played) == pytest.approx(1.0, abs=0.1)
+    played = fitted(
+        record(effects, one=True),
+        Rigid(1.5e-3, viscous),
+        found,
+    )
+    assert mean_square(played) == pytest.approx(1.0, abs=0.05)
     truth = np.array([1.5e-3, viscous, friction])
     assert np.max(np.abs(played.fit.values / truth - 1.0)) < 0.01
 

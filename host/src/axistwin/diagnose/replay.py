@@ -38,10 +38,8 @@ _OUTSIDE = (TorqueDelay, EncoderDelay, Saturation, LeadError, Eccentricity)
 #: A step of the simulation turns the vibration by this much at most.
 _VIBRATION_STEP_MAX = 0.1
 
-#: Effects that come and go at once, and the same for them: a step too late is too late.
-_SUDDEN = (*DRY, Backlash)
-_SUDDEN_STEP_MAX = 0.03
-_SUDDEN_STEPS_MIN = 10
+#: The same where play lets the shaft go within a step.
+_PLAY_STEP_MAX = 0.03
 
 #: Differences of initial states, in units of the noise, and of sizes, in units of themselves.
 _STATE_STEP = 10.0
@@ -131,7 +129,7 @@ class _Replaying:
         steps = np.array([1.0, fast, slow, 1.0])
         self._state_steps = (_STATE_STEP * noise * steps)[self._free]
         self._turned = fast * fit.windows.time_step
-        self._sudden = any(isinstance(one.kind, _SUDDEN) for one in fit.found)
+        self._play = any(isinstance(one.kind, Backlash) for one in fit.found)
         self._substeps = self._steps(_VIBRATION_STEP_MAX)
 
     def adjusted(self) -> Replay:
@@ -139,8 +137,8 @@ class _Replaying:
         point = self._beginning(self._fit)
         if not self._near(point):
             point = self._from_afar()
-        if self._sudden:
-            self._substeps = max(self._steps(_SUDDEN_STEP_MAX), _SUDDEN_STEPS_MIN)
+        if self._play:
+            self._substeps = self._steps(_PLAY_STEP_MAX)
         point, of_states, columns = self._rounds(point)
         _, explained = _eliminated(of_states, columns)
         left = (columns - explained).transpose(0, 2, 1)
@@ -177,20 +175,20 @@ class _Replaying:
         """Adjusted as far as the horizon, and the derivatives there."""
         whole = self._horizon == self._windows.length
         little = _LITTLE if whole else _LITTLE_FROM_AFAR
-        point = self._begun(self._point(point.fit, point.starts))
-        of_states, columns = self._derivatives(point)
+        point = self._point(point.fit, point.starts)
         for _ in range(_ROUNDS):
+            point = self._begun(point)
+            of_states, columns = self._derivatives(point)
             moved = self._step(point, of_states, columns)
             if moved is None:
                 break
-            before, after = self._misfit(point), self._misfit(moved)
-            point = moved
+            gained, point = self._misfit(point) - self._misfit(moved), moved
             if whole:
                 self._motion = point.fit.motion_of(self._motion, point.angles, point.speeds)
-            of_states, columns = self._derivatives(point)
-            if before - after < _NO_GAIN + little * after:
+            if gained < _NO_GAIN + little * self._misfit(point):
                 break
-        return point, of_states, columns
+        point = self._begun(point)
+        return point, *self._derivatives(point)
 
     def _steps(self, turn: float) -> int:
         """From one sample to the next, if the vibration turns by so much in one."""
@@ -267,7 +265,8 @@ class _Replaying:
         starts = point.starts.copy()
         starts[which] = best[0]
         begun = self._point(point.fit, starts)
-        return begun if self._misfit(begun) < self._misfit(point) else point
+        better = np.sum(_squares(begun.residual)) < np.sum(_squares(point.residual))
+        return begun if better else point
 
     def _begun_nearer(
         self,
