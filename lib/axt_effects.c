@@ -16,7 +16,7 @@ static void expect_friction(axt_status *status, const axt_friction *friction) {
     const bool stribeck = axt_abs(friction->stribeck) > AXT_R(0);
     expect(status, friction->coulomb, AXT_R(0), AXT_R(1e6));
     expect(status, friction->viscous, AXT_R(0), AXT_R(1e6));
-    expect(status, friction->stribeck, AXT_R(0), AXT_R(1e6));
+    expect(status, friction->stribeck, -friction->coulomb, AXT_R(1e6));
     expect(status, friction->stribeck_speed, stribeck ? AXT_R(1e-6) : AXT_R(0), AXT_R(1e6));
     expect(status, friction->drift, AXT_R(-1e3), AXT_R(1e3));
 }

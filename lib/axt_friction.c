@@ -20,7 +20,7 @@
 #include "axt_math.h"
 
 axt_real axt_friction_limit(const axt_friction *friction, axt_real speed) {
-    if (!(friction->stribeck > AXT_R(0))) {
+    if (!(axt_abs(friction->stribeck) > AXT_R(0))) {
         return friction->coulomb;
     }
     const axt_real ratio = speed / friction->stribeck_speed;

@@ -15,7 +15,8 @@
 typedef struct {
     axt_real coulomb;        /* [N m], 0 .. 1e6 */
     axt_real viscous;        /* [N m s/rad], 0 .. 1e6 */
-    axt_real stribeck;       /* break-away torque above Coulomb's [N m], 0 .. 1e6 */
+    axt_real stribeck;       /* break-away torque above Coulomb's [N m], -coulomb .. 1e6; below it
+                                when friction only rises to Coulomb's with speed */
     axt_real stribeck_speed; /* [rad/s], 1e-6 .. 1e6 when there is any */
     axt_real drift;          /* of all three [1/s], -1e3 .. 1e3: (1 + drift t) times, at least 0 */
 } axt_friction;

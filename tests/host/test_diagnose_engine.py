@@ -127,7 +127,7 @@ def test_the_machine_and_the_engine_have_the_same_physics(effect: Effect) -> Non
     fit = Fit(cut, "zoh", TwoInertias(AXIS), found=known(others))
     fit = fit.with_noise(fit.motion(None))
     before = State(fit, fit.motion(fit.motion(None)))
-    best = Trials(fit, before.motion).run(kinds(effect), lambda _: None)[0].found
+    best = Trials(before).run(kinds(effect), lambda _: None)[0].found
     assert (best.kind.effect, best.kind.location) == (effect.effect, effect.location)
 
     after = State.of(replace(fit, found=(*fit.found, best)), before.motion)
@@ -156,7 +156,7 @@ def test_a_delay_of_any_part_of_a_sample_is_found(hold: Hold) -> None:
     late = Effect("delay", "torque", {"time": 1.7e-3})
     fit = Fit(windows.cut(record(late, hold=hold), 0.25), hold, TwoInertias(AXIS))
     fit = fit.with_noise(fit.motion(None))
-    found = Trials(fit, fit.motion(None)).run([TorqueDelay()], lambda _: None)[0].found
+    found = Trials(State(fit, fit.motion(None))).run([TorqueDelay()], lambda _: None)[0].found
     assert found.params["time"] == pytest.approx(1.7e-3, rel=0.01)
 
 

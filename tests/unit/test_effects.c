@@ -733,6 +733,7 @@ CASE(parameters_out_of_range_are_refused) {
         {.friction = {{.coulomb = (axt_real)-0.1}}},
         {.friction = {{0}, {.viscous = (axt_real)-0.1}}},
         {.friction = {{.stribeck = (axt_real)0.1}}}, /* without a speed */
+        {.friction = {{.coulomb = (axt_real)0.1, .stribeck = (axt_real)-0.2, .stribeck_speed = 1}}},
         {.disturbance = {{.amplitude = 1, .frequency = 70000}}},
         {.torque_ripple = {{1, -1, 0}}},
         {.backlash = (axt_real)-1e-3},

@@ -233,9 +233,8 @@ CASE(smooth_effects_are_their_equations_by_the_trapezoidal_rule) {
 /* The friction of both inertias is in proportion to them, so the shaft stays straight and
  * w' = -(c + s exp(-(w / v)^2)); its solution by Runge and Kutta's method with short steps. The
  * friction of the beginning of each step instead of its middle would be off by 1e-2 rad/s. */
-CASE(a_stribeck_effect_slows_down_with_the_speed_in_the_middle_of_the_step) {
+static void slow_down(double s) {
     const double c = 500;
-    const double s = 500;
     const double v = 5;
     axt_effects effects = {.backlash = 0};
     const axt_real inertia[2] = {axt_axis_paper.I1, axt_axis_paper.I2};
@@ -264,6 +263,11 @@ CASE(a_stribeck_effect_slows_down_with_the_speed_in_the_middle_of_the_step) {
         CHECK_NEAR(motion.speed, w, 5e-4);
         CHECK_NEAR(motion.twist_speed, 0, BY_TYPE(1e-3, 1e-12));
     }
+}
+
+CASE(a_stribeck_effect_slows_down_with_the_speed_in_the_middle_of_the_step) {
+    slow_down(500);
+    slow_down(-400); /* friction that rises to Coulomb's with speed */
 }
 
 /* ---- Digits ---------------------------------------------------------------------------------- */

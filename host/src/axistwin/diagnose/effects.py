@@ -176,8 +176,15 @@ class Viscous(Kind):
         return bool(sizes[0] > 0.0)
 
 
+@dataclass(frozen=True)
 class Stribeck(Kind):
-    """Dry friction on top, of which a higher speed leaves nothing."""
+    """Dry friction on top, of which a higher speed leaves nothing.
+
+    It can also be less than none: the friction of an axis that slides before it breaks away only
+    ``rises`` to its size with speed.
+    """
+
+    rises: bool = False
 
     effect = "friction_stribeck"
 
@@ -196,7 +203,7 @@ class Stribeck(Kind):
         return {"torque": float(sizes[0]), "speed": abs(shape[0])}
 
     def plausible(self, sizes: Array, shape: Shape) -> bool:
-        return bool(sizes[0] > 0.0 and shape[0] > 0.0)
+        return bool((sizes[0] > 0.0 or self.rises) and shape[0] > 0.0)
 
     def possible(self, motion: Motion, shape: Shape) -> bool:
         """Beyond the speeds that occur it could not be told from dry friction."""
@@ -504,7 +511,7 @@ class TorqueDelay(Kind):
         return _delays(motion)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
-        steps = max(shape[0], 0.0) / motion.time_step
+        steps = min(max(shape[0] / motion.time_step, 0.0), len(motion.torque))
         whole = int(np.floor(steps))
         part = steps - whole
         newer, older = motion.command(whole), motion.command(whole + 1)
@@ -576,11 +583,11 @@ class Saturation(Kind):
         return {"limit": abs(shape[0])}
 
 
-def catalogue(channels: int, linear: bool) -> list[Kind]:
+def catalogue(channels: int, linear: bool, rises: bool = False) -> list[Kind]:
     """Every kind that a record with so many encoders can show; a ``linear`` scale has no centre."""
     kinds: list[Kind] = []
     for place in range(channels):
-        kinds += [Coulomb(place), Stribeck(place), Disturbance(place), FrictionDrift(place)]
+        kinds += [Coulomb(place), Stribeck(place, rises), Disturbance(place), FrictionDrift(place)]
         if not linear:
             kinds.append(Eccentricity(place))
         if channels == 2:

@@ -62,7 +62,8 @@ class _Acting:
 @dataclass(frozen=True)
 class Fit:
     """``plant`` with ``found`` effects; ``zero`` of encoder 2 against 1 [rad]; ``noise`` (c,) the
-    size of each channel's error that counts as 1."""
+    size of each channel's error that counts as 1. Below the frequency ``corner`` [rad/s] errors of
+    the torque outweigh it; then errors count less, by the square of the frequency."""
 
     windows: Windows
     hold: Hold
@@ -70,6 +71,7 @@ class Fit:
     zero: float = 0.0
     found: tuple[Found, ...] = ()
     noise: Array | None = None
+    corner: float = 0.0
 
     # ---- Simulation
 
@@ -82,13 +84,6 @@ class Fit:
     @property
     def _origin(self) -> Array:
         return self.windows.angles[:1, :, :1]
-
-    @property
-    def weights(self) -> Array:
-        """Of the channels (c, 1, 1)."""
-        noise = np.ones(self.windows.channels) if self.noise is None else self.noise
-        weights: Array = 1.0 / noise[:, None, None]
-        return weights
 
     def answer(self, plant: Plant, pushes: Sequence[Push], states: Array | None = None) -> Array:
         """The angles (c, w, l) that the pushes alone make."""
@@ -149,10 +144,45 @@ class Fit:
         q, r = scipy.linalg.qr(columns, mode="economic")
         return q, r
 
+    @property
+    def weights(self) -> Array:
+        """Of the channels (c, 1, 1)."""
+        noise = np.ones(self.windows.channels) if self.noise is None else self.noise
+        weights: Array = 1.0 / noise[:, None, None]
+        return weights
+
+    @cached_property
+    def whitening(self) -> tuple[Array, Array]:
+        """Numerator and denominator of the filter that leaves of the error white noise.
+
+        A white torque w moves an inertia I by w / (I s^2). Beside white noise of the encoder that
+        is a spectrum in proportion to 1 + (corner / frequency)^4, the inverse of a Butterworth
+        high-pass of the second order.
+        """
+        if self.corner == 0.0:
+            return np.ones(1), np.ones(1)
+        rate = 2.0 * np.pi / self.windows.time_step
+        b, a = scipy.signal.butter(2, self.corner, "highpass", fs=rate)
+        return b, a
+
     def vectors(self, angles: Array) -> Array:
         """Angles (c, w, l), weighted, as vectors (w, c l)."""
-        vectors: Array = (angles * self.weights).transpose(1, 0, 2).reshape(angles.shape[1], -1)
+        white = scipy.signal.lfilter(*self.whitening, angles * self.weights, axis=2)
+        vectors: Array = white.transpose(1, 0, 2).reshape(angles.shape[1], -1)
         return vectors
+
+    def angles(self, vectors: Array) -> Array:
+        """The way back."""
+        b, a = self.whitening
+        angles: Array = scipy.signal.lfilter(a, b, self.channels(vectors), axis=2) / self.weights
+        return angles
+
+    def slopes(self, vectors: Array) -> Array:
+        """Inner products of weighted vectors (w, c l) with those of unit angles (c, w, l)."""
+        backwards = self.channels(vectors)[:, :, ::-1]
+        white = scipy.signal.lfilter(*self.whitening, backwards, axis=2)[:, :, ::-1]
+        slopes: Array = white * self.weights
+        return slopes
 
     def channels(self, vectors: Array) -> Array:
         """Weighted vectors (w, c l) as channels (c, w, l), still weighted."""

@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-import scipy.signal
 
 from axistwin.core import Array
 from axistwin.diagnose import spectrum
@@ -34,12 +33,14 @@ from axistwin.diagnose.fit import Fit, solve, solve_normal
 from axistwin.diagnose.linear import Rigid, Torque
 from axistwin.diagnose.replay import Replay
 from axistwin.diagnose.replay import replay as find_replay
-from axistwin.diagnose.windows import Windows
+from axistwin.diagnose.windows import Windows, median_spectrum
 from axistwin.errors import InputError, NotEnoughDataError
 from axistwin.identify.samples import Hold
 
-#: Effects that are named at most.
+#: Effects that are named at most; of an axis that is told by its torque, where each is a small part
+#: of what is left.
 EFFECTS_MAX = 4
+EFFECTS_OF_TORQUE_MAX = 6
 
 #: What an effect has to win on the windows it is fitted to, in units of the noise squared or of
 #: the error squared, and on those held out.
@@ -62,18 +63,22 @@ CONTENDER = 0.3
 #: Effects of which an axis can have several at a place.
 SEVERAL = (Ripple, LeadError)
 
+#: So many of each at most: what the core can simulate.
+WAVES_MAX = 4
+
 #: The same for a model with as many unknowns: 1 to 50 against the other one.
 LIKELIER = 8.0
 
 #: Student's t of the gain of the held-out windows.
 T_MIN = 3.0
 
-#: Waves that are tried of each kind, the share of a window that is tapered to find them, and the
-#: most periods a turn.
+#: Waves that are tried of each kind, and the most periods a turn.
 _WAVES = 4
-_TAPERED = 0.3
 _PERIODS_MAX = 360.0
 _PERIODS_A_METRE_MAX = 5000.0
+
+#: Samples of rest that an axis begins with that is run backwards.
+_REST = 2
 
 #: An error of so much [noise squared] may be a ripple that turns an axis back: what it moves is no
 #: measure of it. Up to so many periods a turn are then all tried.
@@ -97,6 +102,12 @@ _SIMULATED = 2
 
 #: How often the effects that were found may be replaced by others.
 _REVISIONS = 3
+
+#: Corner frequencies that are tried, up to a share of the highest frequency, and the lines of a
+#: spectrum that the taper smears.
+_CORNERS = 100
+_CORNER_MAX = 0.5
+_TAPER_WIDTH = 4
 
 #: What is left has a mean square this many times that of the noise, at least: then there is more.
 UNEXPLAINED = 1.1
@@ -154,6 +165,7 @@ class Trials:
     """Everything that the catalogue could add to a fit."""
 
     def __init__(self, state: State) -> None:
+        self._state = state
         self.fit, self.motion = state.fit, state.motion
         self._residual = state.residual
         self._columns = state.columns
@@ -186,8 +198,10 @@ class Trials:
     def _best_of(self, kind: Kind, shapes: Sequence[Shape]) -> Trial | None:
         trials = [self._try(Found(kind, np.zeros(kind.sizes), shape)) for shape in shapes]
 
-        def worth(trial: Trial) -> float:
-            return trial.gain + (trial.total if kind.moment else 0.0)
+        def worth(trial: Trial) -> tuple[bool, float]:
+            # What is slow can go with a wave that means nothing, and hide one that does.
+            holds = not isinstance(kind, Wave) or significant(trial, self._state)
+            return holds, trial.gain + (trial.total if kind.moment else 0.0)
 
         return max((trial for trial in trials if trial), key=worth, default=None)
 
@@ -265,54 +279,70 @@ class Trials:
         fit, motion = self.fit, self.motion
         solution = solve_normal(np.sum(self._grams, axis=0), np.sum(self._rights, axis=0))
         error = self._residual - np.einsum("wkn,k->wn", self._columns, solution)
-        channels = fit.channels(error)
         if isinstance(kind, Disturbance):
-            return spectrum.lines(channels, motion.time_step, motion.index, _WAVES)
-        channels = channels * fit.weights
+            return spectrum.lines(fit.channels(error), motion.time_step, motion.index, _WAVES)
+        weights = np.ones(len(error))
+        if fit.corner > 0.0:
+            # Each window on a scale of its own: reversals would hide what there is all the time.
+            weights /= np.mean(error**2, axis=1)
+        error = error * weights[:, None]
         if isinstance(kind, LeadError):
-            scores = channels[1]
+            scores = fit.slopes(error)[1]
         else:
-            backwards = np.ascontiguousarray(channels[:, :, ::-1])
-            moved, _ = fit.plant.respond(motion.time_step, Torque.smooth(backwards))
-            scores = moved[kind.place, :, ::-1]
-        # Windows that end abruptly would spread every slow error over all periods; what is far from
-        # the ends has to keep its weight, or scores would not be what waves are worth.
-        scores = scores * scipy.signal.windows.tukey(fit.windows.length, _TAPERED)
+            scores = self.scores(error, kind.place)
         turns = np.abs(motion.speed[kind.place]) * motion.time_step / motion.turn
         nyquist = 0.45 / max(float(np.quantile(turns, 0.5)), 1e-12)
         whole = not fit.windows.linear
         argument = kind.argument(motion)
         lowest, highest = 1.0, min(nyquist, _PERIODS_MAX if whole else _PERIODS_A_METRE_MAX)
-        strength = self._strength(kind, lowest, highest)
+        strength = self._strength(kind, lowest, highest, weights)
         found = spectrum.peaks(argument, scores, lowest, highest, strength, _WAVES, whole)
         if isinstance(kind, LeadError):
             found = [periods for periods in found if periods != 1.0]  # that is an eccentricity
         return found
 
-    def _strength(self, kind: Kind, lowest: float, highest: float) -> Callable[[Array], Array]:
-        """What a wave of size 1 moves, squared, interpolated between some numbers of periods."""
+    def scores(self, error: Array, place: int) -> Array:
+        """Inner products (w, l) of weighted errors (w, c l) with what unit torques at a place move.
+
+        Those are the slopes by the angles, run backwards through the axis; it begins at rest, as
+        straight lines between samples would halve the first.
+        """
+        backwards = np.pad(self.fit.slopes(error)[:, :, ::-1], ((0, 0), (0, 0), (_REST, 0)))
+        moved, _ = self.fit.plant.respond(self.motion.time_step, Torque.smooth(backwards))
+        scores: Array = moved[place, :, : _REST - 1 : -1]
+        return scores
+
+    def _strength(
+        self, kind: Kind, lowest: float, highest: float, weights: Array
+    ) -> Callable[[Array], Array]:
+        """What a wave of size 1 moves, squared, the windows with ``weights`` (w,).
+
+        Interpolated between some numbers of periods.
+        """
         fit, motion = self.fit, self.motion
         tried = np.geomspace(lowest, highest, 24)
         moved = []
         for periods in tried:
             columns = fit.by_size(Found(kind, np.zeros(2), (float(periods),)), motion)
-            moved.append(sum(float(np.sum(column**2)) for column in columns))
+            moved.append(sum(float(weights @ np.sum(column**2, axis=1)) for column in columns))
         logs = np.log(np.maximum(moved, 1e-300))
         return lambda wanted: np.exp(np.interp(np.log(wanted), np.log(tried), logs))
 
 
-def significant(trial: Trial, samples: int) -> bool:
-    """Whether an effect helps beyond chance; windows have ``samples`` that tell something.
+def significant(trial: Trial, state: State) -> bool:
+    """Whether an effect helps a state beyond chance.
 
     The windows have to agree on it, or most of the error has to go. Where hardly anything but
-    noise is left, its distribution is known, and what a single window gains can be enough.
+    noise of the encoders is left, its distribution is known, and what a single window gains can be
+    enough.
     """
     unknowns = max(trial.found.kind.sizes, 1) + len(trial.found.shape)
-    scale = max(1.0, float(np.mean(trial.before)) / samples)
+    scale = max(1.0, float(np.mean(trial.before)) / state.samples)
+    noise = scale < _NEARLY_RIGHT and state.fit.corner == 0.0
     agreed = (
         max(trial.t, trial.t_plain) > T_MIN
         or trial.share > MOST
-        or (scale < _NEARLY_RIGHT and trial.total > ALONE_MIN * scale)
+        or (noise and trial.total > ALONE_MIN * scale)
     )
     return (
         trial.gain > (GAIN_MIN + 4.0 * unknowns) * scale
@@ -346,6 +376,8 @@ class State:
 
     def replayed(self) -> State:
         """The same adjusted to a simulation of the effects, if that brings it nearer."""
+        if self.fit.corner > 0.0:
+            return self  # that is for the last digits above the noise
         replay = find_replay(self.fit, self.motion)
         if replay is None or self.fit.misfit(replay.residual) > self.fitted:
             return self
@@ -371,12 +403,31 @@ class State:
         """Measured less simulated angles (c, w, l), each window from the state that suits it."""
         if self.replay is None:
             return self.fit.simulation_error(self.motion)
-        return self.fit.channels(self.residual) / self.fit.weights
+        return self.fit.angles(self.residual)
 
     @property
     def scale(self) -> float:
         """Squared error of a sample, at least that of the noise."""
         return max(1.0, float(np.mean(self.errors)) / self.samples)
+
+    @property
+    def corner(self) -> float:
+        """The frequency below which errors of the torque outweigh the noise of the encoder [rad/s].
+
+        That of the spectrum which a white torque beside white noise makes (Fit.whitening) and that
+        suits best; in logarithms and by their absolute values, so that lines do not count.
+        """
+        fit = self.fit
+        if not isinstance(fit.plant, Rigid) or fit.noise is None:
+            return 0.0
+        power = median_spectrum(self.simulation_error / fit.noise[:, None, None])[0]
+        step = 2.0 * np.pi / (fit.windows.length * fit.windows.time_step)
+        frequency = step * np.arange(len(power), dtype=np.float64)
+        beyond = slice(_TAPER_WIDTH, -1)
+        tried = np.geomspace(step, _CORNER_MAX * frequency[-1], _CORNERS)
+        shapes = np.log1p((tried[:, None] / frequency[beyond]) ** 4)
+        misfit = np.sum(np.abs(np.log(power[beyond]) - shapes), axis=1)
+        return float(tried[np.argmin(misfit)])
 
     @property
     def samples(self) -> int:
@@ -494,7 +545,23 @@ class Search:
 
 
 def look(bases: Sequence[State], progress: Progress) -> Search:
-    """All effects that held-out data speak for."""
+    """All effects that held-out data speak for.
+
+    Where what they leave is far more than the noise of the encoder, they are looked for once more,
+    every error weighted as such errors are: then they are told by what they do to the torque.
+    """
+    found = _searched(bases, progress)
+    corner = found.states[-1].corner
+    if found.states[-1].scale < _NEARLY_RIGHT or corner == 0.0:
+        return found
+    progress("weighting the errors as those of a torque")
+    return _searched(
+        [State(replace(base.fit, corner=corner), base.motion) for base in bases], progress
+    )
+
+
+def _searched(bases: Sequence[State], progress: Progress) -> Search:
+    """All effects with the weights that the errors of the bases have."""
     found: Search | None = None
     for base in bases:
         other = _extended([base], [], progress)
@@ -522,7 +589,8 @@ def _extended(states: list[State], tried: list[tuple[Trial, ...]], progress: Pro
         trials = Trials(state).run(_left(state.fit), progress)
         tried.append(tuple(trials))
         better = None
-        if len(state.fit.found) < EFFECTS_MAX:
+        most = EFFECTS_MAX if state.fit.corner == 0.0 else EFFECTS_OF_TORQUE_MAX
+        if len(state.fit.found) < most:
             better = _best(state, trials, progress)
         if better is None:
             return Search(tuple(states), tuple(tried))
@@ -544,7 +612,7 @@ def _revised(search: Search, progress: Progress) -> Search | None:
         trials = Trials(without).run(_left(without.fit), progress)
         better = _best(without, trials, progress)
         if better is None:
-            if significant(last.against(without, found[i]), last.samples):
+            if not without.plausible or significant(last.against(without, found[i]), without):
                 continue  # from there no way led back, but here it is
             return _extended(_chain(search, rest), list(search.trials[: len(rest)]), progress)
         if better.fitted < last.fitted - GAIN_MIN * last.scale:
@@ -593,7 +661,7 @@ def _understood(search: Search) -> Search:
     sure = [one for i, one in enumerate(states[-1].fit.found) if _sure(states[-1], i)]
     if len(sure) < len(states) - 1:
         states = _chain(search, sure)
-    if states[-1].scale > UNEXPLAINED:
+    if states[-1].scale > UNEXPLAINED and states[-1].fit.corner == 0.0:
         for k in range(1, len(states)):
             before, after = states[k - 1].scale - 1.0, states[k].scale - 1.0
             if after > 0.5 * before:
@@ -617,15 +685,19 @@ def _left(fit: Fit) -> list[Kind]:
     frictions = [found.kind.place for found in fit.found if isinstance(found.kind, FRICTION)]
     return [
         kind
-        for kind in catalogue(fit.windows.channels, fit.windows.linear)
-        if (kind.name not in names or isinstance(kind, SEVERAL))
+        for kind in catalogue(
+            fit.windows.channels,
+            fit.windows.linear,
+            fit.corner > 0.0 and "friction_coulomb:motor" in names,
+        )
+        if names.count(kind.name) < (WAVES_MAX if isinstance(kind, SEVERAL) else 1)
         and (not isinstance(kind, FrictionDrift) or kind.place in frictions)
     ]
 
 
 def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | None:
     """The trials that gain most, each fitted with all the rest; the best of them that holds."""
-    good = [trial for trial in trials if significant(trial, state.samples)]
+    good = [trial for trial in trials if significant(trial, state)]
     contenders = []
     for trial in good[:CONTENDERS]:
         if trial.gain < CONTENDER * good[0].gain:
@@ -638,7 +710,7 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
     for i, contender in enumerate(contenders):
         found = contender.fit.found[-1]
         candidate = contender.simulated() if i < _SIMULATED else contender
-        if candidate.plausible and significant(candidate.against(state, found), state.samples):
+        if candidate.plausible and significant(candidate.against(state, found), state):
             fits.append(candidate)
     best = min(fits, key=lambda candidate: candidate.fitted, default=None)
     if best is not None and isinstance(best.fit.found[-1].kind, Stribeck):

@@ -56,7 +56,7 @@ def peaks(
     apart = 2.0 * np.pi / reach
     lowest = max(lowest, apart)
     if whole:
-        wanted = np.arange(np.ceil(lowest), min(highest, periods[-1]))
+        wanted = np.arange(np.ceil(lowest), np.floor(min(highest, periods[-1])) + 1.0)
         found = np.interp(wanted, periods, spectrum)
     else:
         inside = (periods >= lowest) & (periods <= highest)

@@ -111,6 +111,15 @@ def cut(record: Record, window: float | None = None) -> Windows:
     )
 
 
+def median_spectrum(errors: Array) -> Array:
+    """Power (c, f) of simulation errors (c, w, l), of white noise its square: the median of the
+    windows, which single ones do not move."""
+    taper = scipy.signal.windows.blackmanharris(errors.shape[2])
+    power = np.abs(np.fft.rfft(errors * taper, axis=2)) ** 2 / np.sum(taper**2)
+    median: Array = np.median(power, axis=1) / np.log(2.0)  # of an exponential distribution
+    return median
+
+
 def noise_floor(errors: Array) -> Array:
     """Size (c,) of the white noise in simulation errors (c, w, l).
 

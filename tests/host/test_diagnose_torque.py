@@ -1,0 +1,128 @@
+"""Records whose simulation misses far more than the noise of the encoder: told by the torque."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Measured
+
+from axistwin.diagnose import diagnose, search, windows
+from axistwin.diagnose.effects import Found, Ripple
+from axistwin.diagnose.fit import Fit
+from axistwin.diagnose.linear import Rigid
+from axistwin.diagnose.search import State, Trials
+from axistwin.readers import ColumnOptions, read_record
+from axistwin.record import Record
+
+STEP = 1e-3
+AXIS = Rigid(0.01, 0.02)
+
+
+def pushed(unknown: float, noise: float, samples: int = 20_000) -> Record:
+    """An axis that a torque moves, white, of which the part ``unknown`` [N m] is not recorded."""
+    rng = np.random.default_rng(7)
+    torque = 0.2 * np.sin(8.0 * STEP * np.arange(samples))
+    whole = torque + unknown * rng.standard_normal(samples)
+    decay = np.exp(-AXIS.viscous / AXIS.inertia * STEP)
+    speed, angle = np.zeros((2, samples))
+    for k in range(1, samples):
+        speed[k] = decay * speed[k - 1] + (1.0 - decay) * whole[k - 1] / AXIS.viscous
+        angle[k] = angle[k - 1] + 0.5 * STEP * (speed[k] + speed[k - 1])
+    return Record(
+        time=STEP * np.arange(samples),
+        torque=torque,
+        theta1=angle + noise * rng.standard_normal(samples),
+        time_step=STEP,
+    )
+
+
+def base(record: Record) -> State:
+    fit = Fit(windows.cut(record), "zoh", AXIS)
+    fit = fit.with_noise(fit.motion(None))
+    return State(fit, fit.motion(None))
+
+
+def test_weights_have_an_inverse_and_an_adjoint() -> None:
+    fit = replace(base(pushed(0.01, 1e-6)).fit, corner=300.0)
+    rng = np.random.default_rng(1)
+    angles, other = rng.standard_normal((2, *fit.windows.angles.shape))
+    vectors, others = fit.vectors(angles), fit.vectors(other)
+    assert fit.angles(vectors) == pytest.approx(angles, abs=1e-6)
+    assert np.sum(fit.slopes(others) * angles) == pytest.approx(np.sum(others * vectors), rel=1e-9)
+
+
+@pytest.mark.parametrize("unknown", [3e-3, 3e-2])
+def test_errors_of_a_white_torque_are_white_beyond_their_corner(unknown: float) -> None:
+    """White torque of size w moves an inertia by w / (I s^2), as much as noise n at the corner."""
+    noise = 2e-6
+    state = base(pushed(unknown, noise))
+    corner = state.corner
+    assert corner == pytest.approx(np.sqrt(unknown / (AXIS.inertia * noise)), rel=0.1)
+    white = State(replace(state.fit, corner=corner), state.motion)
+    assert np.mean(white.errors) / white.samples == pytest.approx(1.0, abs=0.15)
+
+
+def test_noise_alone_changes_no_weight() -> None:
+    found = search.look([base(pushed(0.0, 1e-5))], lambda _: None)
+    assert found.states[-1].fit.corner == 0.0
+    assert found.states[-1].fit.found == ()
+
+
+def test_scores_are_what_a_wave_is_worth() -> None:
+    """The axis run backwards gives the inner product of the error with all that a torque moves."""
+    state = base(pushed(3e-2, 2e-6))
+    state = State(replace(state.fit, corner=state.corner), state.motion)
+    scores = Trials(state).scores(state.residual, 0)
+    for periods in (3.0, 20.0):
+        found = Found(Ripple(), np.zeros(2), (periods,))
+        waves = found.kind.pushes(state.motion, state.fit.plant, found.shape)
+        for wave, column in zip(waves, state.fit.by_size(found, state.motion), strict=True):
+            assert wave.motor is not None
+            worth = float(np.sum(column * state.residual))
+            size = float(np.linalg.norm(column) * np.linalg.norm(state.residual))
+            assert float(np.sum(scores * wave.motor)) == pytest.approx(worth, abs=1e-4 * size)
+
+
+def test_benchmark(measured: Measured) -> None:
+    """EMPS: Janot, Gautier and Brunot 2019. A motor turn is 2.5 mm."""
+    options = ColumnOptions(
+        columns={"torque": "vir", "theta1": "qm"},
+        scales={"torque": "gtau"},
+        counts_per_turn=(20_000_000, None),
+        linear=True,
+    )
+    found = diagnose(read_record(measured("EMPS/DATA_EMPS.mat"), options))
+    params = {(one.effect, one.location): one.params for one in found.findings}
+    assert params["friction_coulomb", "motor"]["torque"] == pytest.approx(20.4, rel=0.1)
+    assert params["torque_offset", "motor"]["torque"] == pytest.approx(3.165, rel=0.05)
+    assert params["torque_ripple", "motor"]["periods"] == pytest.approx(400.0, abs=1.0)
+    assert params["torque_ripple", "motor"]["amplitude"] == pytest.approx(1.0, abs=0.25)
+    assert 0.1e-3 < params["delay", "torque"]["time"] < 0.5e-3
+    # Before it breaks away the axis slides: friction rises to its size with speed.
+    assert (
+        -params["friction_coulomb", "motor"]["torque"]
+        < (params["friction_stribeck", "motor"]["torque"])
+        < 0.0
+    )
+    assert found.axis["I"].value == pytest.approx(95.1, rel=0.01)
+    assert found.unexplained
+
+
+def test_cogging(measured: Measured, tmp_path: Path) -> None:
+    """72 a turn and lesser ones, in the part in which the drive does not compensate them itself."""
+    lines = measured("LAAS_cogging/speed_test1.csv").read_text("ascii").splitlines(keepends=True)
+    part = tmp_path / "part.csv"
+    part.write_text("".join(lines[:12_000]), "ascii")
+    options = ColumnOptions(
+        columns={"t": "Time", "theta1": "Position", "torque": "Iq", "omega1": "Velocity"}
+    )
+    found = diagnose(read_record(part, options))
+    ripples = [one.params for one in found.findings if one.effect == "torque_ripple"]
+    assert ripples[0]["periods"] == 72.0
+    # The same motor held at rest takes 0.18 A for the 72, 0.04 A for 18, 0.03 A for 12 a turn.
+    assert 0.12 < ripples[0]["amplitude"] < 0.3
+    assert {18.0, 12.0} <= {one["periods"] for one in ripples[1:]}
+    assert all(one["amplitude"] < ripples[0]["amplitude"] / 3.0 for one in ripples[1:])
