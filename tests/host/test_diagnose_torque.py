@@ -14,7 +14,8 @@ from axistwin.diagnose.effects import Found, Ripple
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Rigid
 from axistwin.diagnose.search import State, Trials
-from axistwin.readers import ColumnOptions, read_record
+from axistwin.readers import read_record
+from axistwin.readers.columns import ColumnOptions
 from axistwin.record import Record
 
 STEP = 1e-3
@@ -24,7 +25,8 @@ AXIS = Rigid(0.01, 0.02)
 def pushed(unknown: float, noise: float, samples: int = 20_000) -> Record:
     """An axis that a torque moves, white, of which the part ``unknown`` [N m] is not recorded."""
     rng = np.random.default_rng(7)
-    torque = 0.2 * np.sin(8.0 * STEP * np.arange(samples))
+    time = STEP * np.arange(samples, dtype=np.float64)
+    torque = 0.2 * np.sin(8.0 * time)
     whole = torque + unknown * rng.standard_normal(samples)
     decay = np.exp(-AXIS.viscous / AXIS.inertia * STEP)
     speed, angle = np.zeros((2, samples))
@@ -32,7 +34,7 @@ def pushed(unknown: float, noise: float, samples: int = 20_000) -> Record:
         speed[k] = decay * speed[k - 1] + (1.0 - decay) * whole[k - 1] / AXIS.viscous
         angle[k] = angle[k - 1] + 0.5 * STEP * (speed[k] + speed[k - 1])
     return Record(
-        time=STEP * np.arange(samples),
+        time=time,
         torque=torque,
         theta1=angle + noise * rng.standard_normal(samples),
         time_step=STEP,
@@ -112,10 +114,10 @@ def test_benchmark(measured: Measured) -> None:
 
 
 def test_cogging(measured: Measured, tmp_path: Path) -> None:
-    """72 a turn and lesser ones, in the part in which the drive does not compensate them itself."""
+    """72 a turn and lesser ones, in 20 s of the record."""
     lines = measured("LAAS_cogging/speed_test1.csv").read_text("ascii").splitlines(keepends=True)
     part = tmp_path / "part.csv"
-    part.write_text("".join(lines[:12_000]), "ascii")
+    part.write_text("".join(lines[:20_000]), "ascii")
     options = ColumnOptions(
         columns={"t": "Time", "theta1": "Position", "torque": "Iq", "omega1": "Velocity"}
     )

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from axistwin.core import Array
 from axistwin.diagnose import spectrum
 from axistwin.diagnose.effects import (
+    DRY,
     FRICTION,
     Coulomb,
     Disturbance,
@@ -396,7 +397,8 @@ class State:
     @cached_property
     def errors(self) -> Array:
         """Squared, of the windows (w,)."""
-        return np.sum(self.residual**2, axis=1)
+        errors: Array = np.sum(self.residual**2, axis=1)
+        return errors
 
     @property
     def simulation_error(self) -> Array:
@@ -477,6 +479,10 @@ class State:
     @property
     def plausible(self) -> bool:
         """Whether an axis can have these effects, and such a motion can show them."""
+        dry = [one for one in self.fit.found if isinstance(one.kind, DRY)]
+        for place in {one.kind.place for one in dry}:
+            if sum(float(one.sizes[0]) for one in dry if one.kind.place == place) < 0.0:
+                return False  # at rest it would drive
         return all(
             found.plausible and found.kind.possible(self.motion, found.shape)
             for found in self.fit.found
@@ -562,13 +568,13 @@ def look(bases: Sequence[State], progress: Progress) -> Search:
 
 def _searched(bases: Sequence[State], progress: Progress) -> Search:
     """All effects with the weights that the errors of the bases have."""
-    found: Search | None = None
-    for base in bases:
-        other = _extended([base], [], progress)
-        if found is None or other.states[-1].fitted < found.states[-1].fitted:
-            found = other
+    found = _extended([bases[0]], [], progress)
+    for base in bases[1:]:
         if found.states[-1].scale < _RIGHT:
             break
+        other = _extended([base], [], progress)
+        if other.states[-1].fitted < found.states[-1].fitted:
+            found = other
     for _ in range(_REVISIONS):
         revised = _revised(found, progress)
         if revised is None:

@@ -313,6 +313,8 @@ def _step(finding: Finding, linear: bool) -> str:
     """The line of _STEPS, with the finding's own numbers."""
     place = finding.location
     template = _STEPS.get(f"{finding.effect}:{place}") or _STEPS[finding.effect]
+    if finding.effect == "friction_stribeck" and finding.params["torque"] < 0.0:
+        template = _LESS_AT_REST
     numbers = {name: parameter(finding, name, linear).with_unit for name in finding.params}
     channel = {"encoder1": "theta1", "encoder2": "theta2"}.get(place, "")
     return template.format(place=where(place), channel=channel, **numbers)
@@ -320,6 +322,12 @@ def _step(finding: Finding, linear: bool) -> str:
 
 #: How the verdict on an effect begins that another one can pass for.
 _LOOK_ALIKE = "look-alike of "
+
+#: What to do about break-away friction that is negative.
+_LESS_AT_REST = (
+    "Compensate with less near standstill: friction {place} rises to its size only with speed "
+    "({torque} at rest, up to about {speed}), as of parts that give before they slide."
+)
 
 #: What to do about an effect.
 _STEPS = {
