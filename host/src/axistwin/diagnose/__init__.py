@@ -27,7 +27,7 @@ Progress = Callable[[str], None]
 
 #: An axis whose error is so many times the noise (squared) soon does something else than its
 #: simulation, in a time that effects change a lot. Then windows are so many times shorter, but as
-#: long as some periods of the vibration.
+#: long as some periods of the vibration. A rigid axis only drifts: there errors are weighted.
 _FAR = 100.0
 _SHORTER = 16
 _PERIODS = 3.0
@@ -53,7 +53,8 @@ def diagnose(
     progress("looking for the axis")
     start = _start(record, cut, hold, progress)
     bases = search.begin(Fit(cut, hold, start))
-    if window is None and all(base.scale > _FAR for base in bases):
+    far = all(base.scale > _FAR for base in bases)
+    if far and window is None and isinstance(start, TwoInertias):
         short = windows.cut(record, _short(start, cut))
         bases = search.begin(Fit(short, hold, start))
     found = search.look(bases, progress)
@@ -61,12 +62,10 @@ def diagnose(
     return answer.of(record, found, examined)
 
 
-def _short(start: Plant, cut: Windows) -> float:
+def _short(start: TwoInertias, cut: Windows) -> float:
     """The length of windows [s] that are short, and still show the shaft vibrate."""
     length = cut.length // _SHORTER * cut.time_step
-    if isinstance(start, TwoInertias):
-        return max(length, _PERIODS * 2.0 * np.pi / start.frequency)
-    return length
+    return max(length, _PERIODS * 2.0 * np.pi / start.frequency)
 
 
 def _start(record: Record, cut: Windows, hold: Hold, progress: Progress) -> Plant:
