@@ -478,8 +478,8 @@ class ExtraMode(Kind):
 
     def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
         return {
-            "frequency": abs(shape[0]),
-            "damping_ratio": abs(shape[1]),
+            "frequency": shape[0],
+            "damping_ratio": shape[1],
             "mass_ratio": float(sizes[0]),
         }
 

@@ -11,11 +11,12 @@ import numpy.typing as npt
 import scipy.signal
 
 from axistwin.core import Array
-from axistwin.diagnose import spectrum
+from axistwin.diagnose import resonance, spectrum
 from axistwin.diagnose.effects import (
     FRICTION,
     Coulomb,
     Disturbance,
+    ExtraMode,
     Found,
     FrictionDrift,
     Kind,
@@ -217,7 +218,7 @@ class Trials:
     def _without(self, found: Found) -> Array:
         """The errors (w, n) less what an effect adds."""
         push = found.push(self.motion, self.fit.plant)
-        return self._residual - self.fit.project(self.fit.answer(self.fit.plant, [push]))
+        return self._residual - self.fit.project(self.fit.answer([push]))
 
     def _fitted(self, own: Array, residual: Array) -> tuple[Array, Array]:
         """Least squares of errors (w, n) by the columns of the fit and further ones (w, k, n).
@@ -273,7 +274,7 @@ class Trials:
             scores = channels[1]
         else:
             backwards = np.ascontiguousarray(channels[:, :, ::-1])
-            moved, _ = fit.plant.respond(motion.time_step, Torque.smooth(backwards))
+            moved, _ = fit.system.respond(motion.time_step, Torque.smooth(backwards))
             scores = moved[kind.place, :, ::-1]
         # Windows that end abruptly would spread every slow error over all periods; what is far from
         # the ends has to keep its weight, or scores would not be what waves are worth.
@@ -446,13 +447,31 @@ def rigid_start(windows: Windows, hold: Hold) -> Rigid:
         Push(motor=-np.sign(speed)),
         Push(motor=np.ones_like(command)),
     ]
-    columns = [fit.project(fit.answer(fit.plant, [push])) for push in pushes]
+    columns = [fit.project(fit.answer([push])) for push in pushes]
     inverse = solve(np.stack(columns, axis=1), fit.project(fit.measured), ~windows.held_out)[0]
     if inverse <= 0.0:
         raise NotEnoughDataError(
             "the torque does not explain how the axis moves: excite it with more acceleration"
         )
     return Rigid(1.0 / float(inverse), 0.0)
+
+
+def with_mode(fit: Fit) -> Fit | None:
+    """The fit from an axis with the further mode that its record shows best, if it shows any."""
+    found = resonance.find(fit.windows)
+    if found is None:
+        return None
+    plant, mode = found
+    fit = replace(fit, plant=plant, zero=0.0, found=(*fit.found, mode))
+    # The inertias in proportion to the torque, which a response tells far less well.
+    zero = np.zeros_like(fit.measured)
+    zero[1] = 1.0
+    columns = [fit.project(angles) for angles in (fit.simulate(None)[0], zero)]
+    chosen = ~fit.windows.held_out
+    inverse, zero_angle = solve(np.stack(columns, axis=1), fit.project(fit.measured), chosen)
+    if inverse <= 0.0:
+        return None
+    return replace(fit, plant=plant.with_values(plant.values / inverse), zero=float(zero_angle))
 
 
 def begin(start: Fit) -> list[State]:
@@ -633,6 +652,11 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
         progress(f"fitting {trial.found.kind.effect} at {trial.found.kind.location}")
         fit = replace(state.fit, found=(*state.fit.found, trial.found))
         contenders.append(State.along(fit, state.motion))
+    if state.scale > _RIGHT and any(isinstance(trial.found.kind, ExtraMode) for trial in trials):
+        progress("looking for a further resonance")
+        fit_with_mode = with_mode(state.fit)
+        if fit_with_mode is not None:
+            contenders.append(State.along(fit_with_mode, state.motion))
     contenders.sort(key=_fitted)
     fits = []
     for i, contender in enumerate(contenders):
