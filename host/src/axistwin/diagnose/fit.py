@@ -142,6 +142,12 @@ class Fit:
         line = np.mean(commanded, axis=0)  # straight from sample to sample
         return np.stack([line, np.concatenate([line[:, 1:], line[:, -1:]], axis=1)])
 
+    def delivered(self, motion: Motion) -> Array:
+        """The torque command (w, l) with what the effects make of it along a motion."""
+        command = self.windows.cut(self.windows.torque)
+        delivered: Array = self.commanded(self._pushes(motion), command)[0]
+        return delivered
+
     def _pushes(self, motion: Motion | None) -> list[Push]:
         """What each effect does along a motion; nothing as long as that is unknown, or where it is
         part of the linear system."""

@@ -33,6 +33,9 @@ _HIGHEST = 0.4
 #: Windows that follow each other are joined to this many, where there are enough.
 _JOINED = 4
 
+#: They overlap so that each sample is in so many segments: the ends of one hardly count.
+_OVERLAP = 2
+
 #: The torque drives the axis where it has this share of its mean power.
 _DRIVEN = 1e-3
 
@@ -55,9 +58,12 @@ class _Spectra:
     weight: Array
 
 
-def find(windows: Windows) -> tuple[TwoInertias, Found] | None:
-    """An axis with the further mode that explains most, None when there is none."""
-    spectra = _measured(windows)
+def find(windows: Windows, acting: Array) -> tuple[TwoInertias, Found] | None:
+    """An axis with the further mode that explains most under a torque (w, l).
+
+    None when there is none.
+    """
+    spectra = _measured(windows, acting)
     best: tuple[float, Array] | None = None
     for frequency in np.geomspace(spectra.omega[0], spectra.omega[-1], _FREQUENCIES):
         for damping in _DAMPINGS:
@@ -67,18 +73,21 @@ def find(windows: Windows) -> tuple[TwoInertias, Found] | None:
     return None if best is None else _scaled(spectra, _adjusted(spectra, best[1]))
 
 
-def _measured(windows: Windows) -> _Spectra:
+def _measured(windows: Windows, acting: Array) -> _Spectra:
     step = windows.time_step
-    index = windows.index
+    length, starts = windows.length, windows.length * np.arange(windows.count)
     joined = 1
-    if np.all(np.diff(index.ravel()) == 1):
+    if np.all(np.diff(windows.index.ravel()) == 1):
         joined = min(_JOINED, windows.count // WINDOWS_MIN)
-    kept = windows.count - windows.count % joined
+        length *= joined
+        starts = np.arange(0, windows.index.size - length + 1, length // _OVERLAP)
+    chosen = starts[:, None] + np.arange(length)
+    length -= 3
 
     def segments(values: Array) -> Array:
-        return values[:kept].reshape(kept // joined, -1)
+        cut: Array = values.ravel()[chosen]
+        return cut
 
-    length = joined * windows.length - 3
     bins = np.arange(_PERIODS_MIN * joined, int(_HIGHEST * length))
     taper = scipy.signal.windows.blackmanharris(length, sym=False)
 
@@ -87,7 +96,7 @@ def _measured(windows: Windows) -> _Spectra:
         return found
 
     # What is slow is much larger: differences keep it from leaking into all else.
-    torque = spectrum(np.diff(segments(windows.cut(windows.torque))[:, 1:-1], axis=1))
+    torque = spectrum(np.diff(segments(acting)[:, 1:-1], axis=1))
     motor, table = (spectrum(np.diff(segments(angle), 3, axis=1)) for angle in windows.angles)
     omega = 2.0 * np.pi / (length * step) * bins
     half = 0.5 * omega * step

@@ -456,9 +456,11 @@ def rigid_start(windows: Windows, hold: Hold) -> Rigid:
     return Rigid(1.0 / float(inverse), 0.0)
 
 
-def with_mode(fit: Fit) -> Fit | None:
+def with_mode(state: State) -> Fit | None:
     """The fit from an axis with the further mode that its record shows best, if it shows any."""
-    found = resonance.find(fit.windows)
+    fit = state.fit
+    torque = fit.delivered(state.motion)
+    found = resonance.find(fit.windows, torque)
     if found is None:
         return None
     plant, mode = found
@@ -466,12 +468,12 @@ def with_mode(fit: Fit) -> Fit | None:
     # The inertias in proportion to the torque, which a response tells far less well.
     zero = np.zeros_like(fit.measured)
     zero[1] = 1.0
-    columns = [fit.project(angles) for angles in (fit.simulate(None)[0], zero)]
-    chosen = ~fit.windows.held_out
-    inverse, zero_angle = solve(np.stack(columns, axis=1), fit.project(fit.measured), chosen)
-    if inverse <= 0.0:
+    moved = fit.answer([Push(command=np.stack([torque, torque]))])
+    columns = np.stack([fit.project(angles) for angles in (moved, zero)], axis=1)
+    size, shift = solve(columns, fit.project(fit.measured), ~fit.windows.held_out)
+    if size <= 0.0:
         return None
-    return replace(fit, plant=plant.with_values(plant.values / inverse), zero=float(zero_angle))
+    return replace(fit, plant=plant.with_values(plant.values / size), zero=float(shift))
 
 
 def begin(start: Fit) -> list[State]:
@@ -652,9 +654,9 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
         progress(f"fitting {trial.found.kind.effect} at {trial.found.kind.location}")
         fit = replace(state.fit, found=(*state.fit.found, trial.found))
         contenders.append(State.along(fit, state.motion))
-    if state.scale > _RIGHT and any(isinstance(trial.found.kind, ExtraMode) for trial in trials):
+    if state.scale > _ALL and any(isinstance(trial.found.kind, ExtraMode) for trial in trials):
         progress("looking for a further resonance")
-        fit_with_mode = with_mode(state.fit)
+        fit_with_mode = with_mode(state)
         if fit_with_mode is not None:
             contenders.append(State.along(fit_with_mode, state.motion))
     contenders.sort(key=_fitted)
