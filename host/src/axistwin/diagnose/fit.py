@@ -372,12 +372,14 @@ class Fit:
     @property
     def directions(self) -> Array:
         """Changes of the unknowns (k, k), a column each: those of the plant, then one by one, those of
-        a further mode in proportion."""
+        a further mode in proportion, its inertia at the expense of the table's."""
         k = len(self.plant.names)
         directions = np.eye(len(self.values))
         directions[:k, :k] = self.plant.directions
         mode = self._of_mode
         directions[mode, mode] = self._mode_sizes
+        for i in mode[:1]:  # what is slow does not feel whether an inertia is tied or on a spring
+            directions[1, i] = -self.values[1] * directions[i, i] / (1.0 + self.values[i])
         return directions
 
     @property
@@ -481,7 +483,7 @@ class Fit:
             trust = np.zeros(len(fit.values))
             trust[fit._of_mode] = fit.scale(residual) / _TRUST**2
             step = solve(fit.sensitivity(motion), residual, ~fit.windows.held_out, trust)
-            step = fit.directions @ step
+            step = fit.directions @ fit._bounded(step)
             moved = fit._line_search(step, motion, misfit)
             if moved is None:
                 break
@@ -510,9 +512,16 @@ class Fit:
         sizes = np.array([self._size(i) for i in range(k)])
         lowest = np.where(self.plant.values < sizes, 0.0, sizes / _FACTOR)
         moved[:k] = np.clip(moved[:k], lowest, sizes * _FACTOR)
-        mode, sizes = self._of_mode, self._mode_sizes
-        moved[mode] = np.clip(moved[mode], self.values[mode] / _FACTOR, sizes * _FACTOR)
         return self.with_values(moved)
+
+    def _bounded(self, step: Array) -> Array:
+        """A step along the directions that leaves a further mode within a factor."""
+        mode, sizes = self._of_mode, self._mode_sizes
+        values = self.values[mode]
+        lowest, highest = values / _FACTOR - values, _FACTOR * sizes - values
+        bounded = step.copy()
+        bounded[mode] = np.clip(step[mode], lowest / sizes, highest / sizes)
+        return bounded
 
     def _line_search(self, step: Array, motion: Motion, before: float) -> Fit | None:
         for halving in range(_HALVINGS):

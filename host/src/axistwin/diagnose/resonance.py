@@ -42,6 +42,13 @@ _DRIVEN = 1e-3
 #: Of so many frequencies of unrelated signals one passes for related.
 _CHANCE = 1e-6
 
+#: Frequencies that have to be driven for the rest to be told.
+_DRIVEN_MIN = 10
+
+#: So many modes are proposed, if their likelihoods are exp(10) apart at most.
+_MODES = 3
+_LIKELY = 20.0
+
 #: Adjusted damping ratios and mass ratios.
 _LEAST, _MOST = (1e-3, 1e-6), (0.5, 10.0)
 
@@ -58,19 +65,23 @@ class _Spectra:
     weight: Array
 
 
-def find(windows: Windows, acting: Array) -> tuple[TwoInertias, Found] | None:
-    """An axis with the further mode that explains most under a torque (w, l).
-
-    None when there is none.
-    """
+def find(windows: Windows, acting: Array) -> list[tuple[TwoInertias, Found]]:
+    """Axes with a further mode that explain most under a torque (w, l), the likeliest first."""
     spectra = _measured(windows, acting)
-    best: tuple[float, Array] | None = None
+    if np.count_nonzero(spectra.weight) < _DRIVEN_MIN:
+        return []
+    found = []
     for frequency in np.geomspace(spectra.omega[0], spectra.omega[-1], _FREQUENCIES):
-        for damping in _DAMPINGS:
-            (load, carried, drag), left = _linear(spectra, frequency, damping)
-            if min(load, carried) > 0.0 and (best is None or left < best[0]):
-                best = left, np.array([load, drag, frequency, damping, carried / load])
-    return None if best is None else _scaled(spectra, _adjusted(spectra, best[1]))
+        trials = [(damping, *_linear(spectra, frequency, damping)) for damping in _DAMPINGS]
+        damping, (load, carried, drag), left = min(trials, key=lambda trial: trial[2])
+        mass = max(carried / load, _LEAST[1])
+        found.append((left, np.array([load, drag, frequency, damping, mass])))
+    left = np.array([np.inf, *(one[0] for one in found), np.inf])
+    valley = (left[1:-1] < left[:-2]) & (left[1:-1] < left[2:])
+    likely = valley & (left[1:-1] < np.min(left) + _LIKELY)
+    best = sorted((found[i] for i in np.flatnonzero(likely)), key=lambda one: one[0])[:_MODES]
+    scaled = (_scaled(spectra, _adjusted(spectra, values)) for _, values in best if values[0] > 0.0)
+    return [one for one in scaled if one is not None]
 
 
 def _measured(windows: Windows, acting: Array) -> _Spectra:
@@ -111,7 +122,8 @@ def _measured(windows: Windows, acting: Array) -> _Spectra:
     driven = (drive > _DRIVEN * np.mean(drive)) & related[0] & related[1]
     ratio = of_motor / of_table
     noise = np.sum(np.abs(motor - ratio * table) ** 2, axis=0)
-    weight = driven * np.abs(of_table) / np.sqrt(power.real * noise)
+    independent = len(torque) / _OVERLAP
+    weight = driven * np.abs(of_table) / np.sqrt(power.real * noise / independent)
     # A torque that is held acts half a sample late, and a second difference is not s^2.
     exact = (half / np.sin(half)) ** 3 * np.exp(1j * half) / step**2 / power
     return _Spectra(omega, exact * of_motor, exact * of_table, ratio, weight)
@@ -158,8 +170,9 @@ def _adjusted(spectra: _Spectra, values: Array) -> Array:
         return both
 
     size = np.maximum(values, [0.0, values[0] * spectra.omega[-1] * 1e-2, 0.0, 0.0, 0.0])
-    low = [0.0, 0.0, 0.0, _LEAST[0], _LEAST[1]] / size
-    high = [np.inf, np.inf, np.inf, _MOST[0], _MOST[1]] / size
+    slowest, fastest = 0.5 * spectra.omega[0], 2.0 * spectra.omega[-1]
+    low = [0.0, 0.0, slowest, _LEAST[0], _LEAST[1]] / size
+    high = [np.inf, np.inf, fastest, _MOST[0], _MOST[1]] / size
     start = np.clip(values / size, low + 1e-9, high - 1e-9)
     found = scipy.optimize.least_squares(errors, start, bounds=(low, high), max_nfev=100)
     adjusted: Array = found.x * size

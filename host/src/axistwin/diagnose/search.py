@@ -456,24 +456,26 @@ def rigid_start(windows: Windows, hold: Hold) -> Rigid:
     return Rigid(1.0 / float(inverse), 0.0)
 
 
-def with_mode(state: State) -> Fit | None:
-    """The fit from an axis with the further mode that its record shows best, if it shows any."""
+def with_modes(state: State) -> list[Fit]:
+    """The fit from axes with a further mode, as the record seems to show one."""
     fit = state.fit
     torque = fit.delivered(state.motion)
-    found = resonance.find(fit.windows, torque)
-    if found is None:
-        return None
-    plant, mode = found
-    fit = replace(fit, plant=plant, zero=0.0, found=(*fit.found, mode))
-    # The inertias in proportion to the torque, which a response tells far less well.
     zero = np.zeros_like(fit.measured)
     zero[1] = 1.0
-    moved = fit.answer([Push(command=np.stack([torque, torque]))])
-    columns = np.stack([fit.project(angles) for angles in (moved, zero)], axis=1)
-    size, shift = solve(columns, fit.project(fit.measured), ~fit.windows.held_out)
-    if size <= 0.0:
-        return None
-    return replace(fit, plant=plant.with_values(plant.values / size), zero=float(shift))
+    fits = []
+    for plant, mode in resonance.find(fit.windows, torque):
+        fit = replace(state.fit, plant=plant, zero=0.0, found=(*state.fit.found, mode))
+        # The inertias in proportion to the torque, which a response tells far less well.
+        try:
+            moved = fit.answer([Push(command=np.stack([torque, torque]))])
+        except InputError:  # two vibrations are one, or too fast
+            continue
+        columns = np.stack([fit.project(angles) for angles in (moved, zero)], axis=1)
+        size, shift = solve(columns, fit.project(fit.measured), ~fit.windows.held_out)
+        if size > 0.0:
+            scaled = plant.with_values(plant.values / size)
+            fits.append(replace(fit, plant=scaled, zero=float(shift)))
+    return fits
 
 
 def begin(start: Fit) -> list[State]:
@@ -656,9 +658,7 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
         contenders.append(State.along(fit, state.motion))
     if state.scale > _ALL and any(isinstance(trial.found.kind, ExtraMode) for trial in trials):
         progress("looking for a further resonance")
-        fit_with_mode = with_mode(state)
-        if fit_with_mode is not None:
-            contenders.append(State.along(fit_with_mode, state.motion))
+        contenders += [State.along(fit, state.motion) for fit in with_modes(state)]
     contenders.sort(key=_fitted)
     fits = []
     for i, contender in enumerate(contenders):
