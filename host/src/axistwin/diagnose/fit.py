@@ -510,6 +510,10 @@ class Fit:
         moved = self.values + step
         k = len(self.plant.names)
         sizes = np.array([self._size(i) for i in range(k)])
+        for i in self._of_mode[:1]:  # the sum of both, which is known best, stays to all orders
+            before, after = 1.0 + self.values[i], 1.0 + moved[i]
+            tied = moved[1] + self.values[1] * step[i] / before
+            moved[1] = tied * before / after
         lowest = np.where(self.plant.values < sizes, 0.0, sizes / _FACTOR)
         moved[:k] = np.clip(moved[:k], lowest, sizes * _FACTOR)
         return self.with_values(moved)
