@@ -25,6 +25,7 @@ from axistwin.diagnose.effects import (
     Offset,
     Push,
     Ripple,
+    Saturation,
     Shape,
     Stribeck,
     Viscous,
@@ -55,6 +56,10 @@ MOST = 0.5
 
 #: What held-out windows that hold little but noise have to gain when they do not agree.
 ALONE_MIN = 100.0
+
+#: Windows are few up to this share of all, and what is left of their error is nearly none.
+FEW = 0.25
+NEARLY_NONE = 0.1
 
 #: Of the best trials, so many are fitted in full, if they gain this share of what the best does.
 CONTENDERS = 5
@@ -308,6 +313,8 @@ def significant(trial: Trial, samples: int) -> bool:
     The windows have to agree on it, or most of the error has to go. Where hardly anything but
     noise is left, its distribution is known, and what a single window gains can be enough.
     """
+    if isinstance(trial.found.kind, Saturation) and _normalised(trial, samples):
+        return True
     unknowns = max(trial.found.kind.sizes, 1) + len(trial.found.shape)
     scale = max(1.0, float(np.mean(trial.before)) / samples)
     agreed = (
@@ -320,6 +327,21 @@ def significant(trial: Trial, samples: int) -> bool:
         and trial.total > HELD_OUT_MIN * scale
         and agreed
     )
+
+
+def _normalised(trial: Trial, samples: int) -> bool:
+    """Whether a few windows that were unlike the others become like them.
+
+    That is what a limit does that is seldom reached. One number cannot make that of an error that
+    has another cause, be the windows held out or not.
+    """
+    usual = float(np.median(trial.after))
+    gained = trial.before - trial.after
+    few = gained > ALONE_MIN * max(usual / samples, 1.0)
+    if not 0 < np.count_nonzero(few) < FEW * len(few):
+        return False
+    excess, left = (float(np.sum(errors[few] - usual)) for errors in (trial.before, trial.after))
+    return left < NEARLY_NONE * excess and float(np.sum(gained)) > NEARLY * excess
 
 
 @dataclass(frozen=True)
