@@ -371,8 +371,10 @@ class Fit:
 
     @property
     def directions(self) -> Array:
-        """Changes of the unknowns (k, k), a column each: those of the plant, then one by one, those of
-        a further mode in proportion, its inertia at the expense of the table's."""
+        """Changes of the unknowns (k, k), a column each: those of the plant, then one by one.
+
+        Those of a further mode are in proportion, its inertia at the expense of the table's.
+        """
         k = len(self.plant.names)
         directions = np.eye(len(self.values))
         directions[:k, :k] = self.plant.directions

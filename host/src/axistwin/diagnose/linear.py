@@ -206,7 +206,7 @@ class ThreeInertias:
 
         # Of motor and table against the centre of mass, by twist and by the further inertia.
         table = -np.array([a.I1, a.I2 * self.mass_ratio]) / total
-        shares = np.array([table + (1.0, 0.0), table])
+        shares = np.array([(table[0] + 1.0, table[1]), table])
         pushed = np.array([(0.0, 0.0), (1.0 / a.I1, -1.0 / a.I2), (0.0, 0.0), (0.0, -1.0 / a.I2)])
         poles, vectors = self._swings
         inverse = np.linalg.inv(np.concatenate([vectors, vectors.conj()], axis=1))[:2]

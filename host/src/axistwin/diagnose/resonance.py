@@ -114,8 +114,9 @@ def _measured(windows: Windows, acting: Array) -> _Spectra:
     power, of_motor, of_table = (
         np.sum(np.conj(torque) * answer, axis=0) for answer in (torque, motor, table)
     )
+    chance = _related(len(torque))
     related = [
-        np.abs(cross) ** 2 > _related(len(torque)) * power.real * np.sum(np.abs(answer) ** 2, axis=0)
+        np.abs(cross) ** 2 > chance * power.real * np.sum(np.abs(answer) ** 2, axis=0)
         for cross, answer in ((of_motor, motor), (of_table, table))
     ]
     drive = power.real / np.sin(half) ** 2
@@ -184,8 +185,8 @@ def _scaled(spectra: _Spectra, values: Array) -> tuple[TwoInertias, Found] | Non
     load, drag, frequency, damping, mass = values.tolist()
     loaded = spectra.table * (1.0 + mass * _carried(spectra.omega, frequency, damping))
     columns = np.stack([spectra.motor, loaded], axis=1)
-    everywhere = np.ones(len(columns))
-    inertias, _ = _solve(columns, everywhere.astype(np.complex128), spectra.weight / np.abs(spectra.ratio))
+    torque = np.ones(len(columns), np.complex128)
+    inertias, _ = _solve(columns, torque, spectra.weight / np.abs(spectra.ratio))
     motor, table = inertias.tolist()
     if min(motor, table) <= 0.0:
         return None

@@ -317,15 +317,12 @@ def significant(trial: Trial, samples: int) -> bool:
         return True
     unknowns = max(trial.found.kind.sizes, 1) + len(trial.found.shape)
     scale = max(1.0, float(np.mean(trial.before)) / samples)
-    agreed = (
+    if trial.gain <= (GAIN_MIN + 4.0 * unknowns) * scale or trial.total <= HELD_OUT_MIN * scale:
+        return False
+    return (
         max(trial.t, trial.t_plain) > T_MIN
         or trial.share > MOST
         or (scale < _NEARLY_RIGHT and trial.total > ALONE_MIN * scale)
-    )
-    return (
-        trial.gain > (GAIN_MIN + 4.0 * unknowns) * scale
-        and trial.total > HELD_OUT_MIN * scale
-        and agreed
     )
 
 
@@ -680,7 +677,8 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
         contenders.append(State.along(fit, state.motion))
     if state.scale > _ALL and any(isinstance(trial.found.kind, ExtraMode) for trial in trials):
         progress("looking for a further resonance")
-        contenders += [State.along(fit, state.motion) for fit in with_modes(state)]
+        others = (State.along(fit, state.motion) for fit in with_modes(state))
+        contenders += [other for other in others if other.fitted < state.fitted]
     contenders.sort(key=_fitted)
     fits = []
     for i, contender in enumerate(contenders):
