@@ -525,7 +525,7 @@ class Fit:
         mode, sizes = self._of_mode, self._mode_sizes
         values = self.values[mode]
         lowest, highest = values / _FACTOR - values, _FACTOR * sizes - values
-        bounded = step.copy()
+        bounded: Array = step.copy()
         bounded[mode] = np.clip(step[mode], lowest / sizes, highest / sizes)
         return bounded
 

@@ -76,9 +76,9 @@ def find(windows: Windows, acting: Array) -> list[tuple[TwoInertias, Found]]:
         damping, (load, carried, drag), left = min(trials, key=lambda trial: trial[2])
         mass = max(carried / load, _LEAST[1])
         found.append((left, np.array([load, drag, frequency, damping, mass])))
-    left = np.array([np.inf, *(one[0] for one in found), np.inf])
-    valley = (left[1:-1] < left[:-2]) & (left[1:-1] < left[2:])
-    likely = valley & (left[1:-1] < np.min(left) + _LIKELY)
+    errors = np.array([np.inf, *(error for error, _ in found), np.inf])
+    valley = (errors[1:-1] < errors[:-2]) & (errors[1:-1] < errors[2:])
+    likely = valley & (errors[1:-1] < np.min(errors) + _LIKELY)
     best = sorted((found[i] for i in np.flatnonzero(likely)), key=lambda one: one[0])[:_MODES]
     scaled = (_scaled(spectra, _adjusted(spectra, values)) for _, values in best if values[0] > 0.0)
     return [one for one in scaled if one is not None]
@@ -109,7 +109,7 @@ def _measured(windows: Windows, acting: Array) -> _Spectra:
     # What is slow is much larger: differences keep it from leaking into all else.
     torque = spectrum(np.diff(segments(acting)[:, 1:-1], axis=1))
     motor, table = (spectrum(np.diff(segments(angle), 3, axis=1)) for angle in windows.angles)
-    omega = 2.0 * np.pi / (length * step) * bins
+    omega: Array = 2.0 * np.pi / (length * step) * bins.astype(np.float64)
     half = 0.5 * omega * step
     power, of_motor, of_table = (
         np.sum(np.conj(torque) * answer, axis=0) for answer in (torque, motor, table)
@@ -124,7 +124,7 @@ def _measured(windows: Windows, acting: Array) -> _Spectra:
     ratio = of_motor / of_table
     noise = np.sum(np.abs(motor - ratio * table) ** 2, axis=0)
     independent = len(torque) / _OVERLAP
-    weight = driven * np.abs(of_table) / np.sqrt(power.real * noise / independent)
+    weight: Array = driven * np.abs(of_table) / np.sqrt(power.real * noise / independent)
     # A torque that is held acts half a sample late, and a second difference is not s^2.
     exact = (half / np.sin(half)) ** 3 * np.exp(1j * half) / step**2 / power
     return _Spectra(omega, exact * of_motor, exact * of_table, ratio, weight)
@@ -132,7 +132,7 @@ def _measured(windows: Windows, acting: Array) -> _Spectra:
 
 def _related(count: int) -> float:
     """The coherence of so many segments that is more than chance."""
-    return 1.0 - _CHANCE ** (1.0 / (count - 1))
+    return 1.0 - float(_CHANCE ** (1.0 / (count - 1)))
 
 
 def _carried(omega: Array, frequency: float, damping: float) -> Complexes:
@@ -153,9 +153,10 @@ def _linear(spectra: _Spectra, frequency: float, damping: float) -> tuple[Array,
 
 def _solve(columns: Complexes, right: Complexes, weight: Array) -> tuple[Array, float]:
     """Least squares of complex equations with real unknowns (k,)."""
-    a, b = columns * weight[:, None], right * weight
-    a, b = np.concatenate([a.real, a.imag]), np.concatenate([b.real, b.imag])
-    solution = np.linalg.lstsq(a, b, rcond=None)[0]
+    weights = weight[:, None]
+    a = np.concatenate([weights * columns.real, weights * columns.imag])
+    b = np.concatenate([weight * right.real, weight * right.imag])
+    solution: Array = np.linalg.lstsq(a, b, rcond=None)[0]
     return solution, float(np.sum((b - a @ solution) ** 2))
 
 
