@@ -26,12 +26,12 @@ from axistwin.diagnose.windows import WINDOWS_MIN, Windows
 _FREQUENCIES = 150
 _DAMPINGS = (0.01, 0.03, 0.1)
 
-#: What is looked at: from so many periods in a window, up to this share of the sampling frequency.
-_PERIODS_MIN = 4
+#: What is looked at: from so many periods in a segment, up to this share of the sampling frequency.
+_PERIODS_MIN = 10
 _HIGHEST = 0.4
 
-#: Windows that follow each other are joined to this many, where there are enough.
-_JOINED = 4
+#: Windows that follow each other are joined to segments this long [s], where there are enough.
+_SEGMENT = 2.0
 
 #: They overlap so that each sample is in so many segments: the ends of one hardly count.
 _OVERLAP = 2
@@ -89,7 +89,8 @@ def _measured(windows: Windows, acting: Array) -> _Spectra:
     length, starts = windows.length, windows.length * np.arange(windows.count)
     joined = 1
     if np.all(np.diff(windows.index.ravel()) == 1):
-        joined = min(_JOINED, windows.count // WINDOWS_MIN)
+        wanted = int(np.ceil(_SEGMENT / (length * step)))
+        joined = min(wanted, windows.count // WINDOWS_MIN)
         length *= joined
         starts = np.arange(0, windows.index.size - length + 1, length // _OVERLAP)
     chosen = starts[:, None] + np.arange(length)
@@ -99,7 +100,7 @@ def _measured(windows: Windows, acting: Array) -> _Spectra:
         cut: Array = values.ravel()[chosen]
         return cut
 
-    bins = np.arange(_PERIODS_MIN * joined, int(_HIGHEST * length))
+    bins = np.arange(_PERIODS_MIN, int(_HIGHEST * length))
     taper = scipy.signal.windows.blackmanharris(length, sym=False)
 
     def spectrum(values: Array) -> Complexes:
