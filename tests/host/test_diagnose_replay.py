@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from axistwin import core
@@ -30,7 +31,7 @@ def torque(samples: int) -> Array:
     return np.repeat(0.05 * levels, 40)[:samples]
 
 
-def states(motion: Motion, at: Array) -> Array:
+def states(motion: Motion, at: npt.NDArray[np.int64]) -> Array:
     """Of a motion at some samples (w,), in the order of State."""
     columns = motion.twist, motion.twist_speed, motion.omega1, motion.theta1
     return np.stack([column[at] for column in columns], axis=1)
@@ -56,10 +57,11 @@ def states(motion: Motion, at: Array) -> Array:
 def test_a_window_goes_on_where_a_simulation_was(effects: list[Effect]) -> None:
     command, length = torque(2000), 100
     whole = core.simulate_effects(AXIS, effects, STEP, command, held=True, substeps=200)
-    at = np.arange(0, 2000 - length, 190)
+    at = np.arange(0, 2000 - length, 190, dtype=np.int64)
+    times: Array = STEP * at.astype(np.float64)
     cut = at[:, None] + np.arange(length)
     angles, speeds = core.simulate_windows(
-        AXIS, effects, STEP, command[cut], STEP * at, states(whole, at), 50
+        AXIS, effects, STEP, command[cut], times, states(whole, at), 50
     )
     start = whole.theta1[at][:, None]
     for found, expected in (
@@ -126,7 +128,7 @@ def record(effects: tuple[Effect, ...], *, one: bool = False) -> Record:
     theta = Model(axis, effects).simulate(command, STEP, substeps=60)
     random = np.random.default_rng(5)
     first, second = (angle + NOISE * random.standard_normal(len(angle)) for angle in theta)
-    time = STEP * np.arange(len(command))
+    time: Array = STEP * np.arange(len(command), dtype=np.float64)
     return Record(
         time=time,
         torque=command,
