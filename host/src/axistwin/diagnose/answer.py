@@ -196,7 +196,7 @@ class _Answer:
             step = resolution(angle) if angle is not None else None
             noise = 0.0 if floor is None else float(floor[channel])
             least = max(noise, (step or 0.0) / np.sqrt(12.0))
-            free = len(self._base.fit.plant.free(windows.time_step, 2)) / windows.channels
+            free = len(self._last.fit.system.free(windows.time_step, 2)) / windows.channels
             left = np.sum(error[channel] ** 2) / (error[channel].size - free * len(error[channel]))
             if float(left) > UNEXPLAINED * least**2:
                 return True
@@ -372,7 +372,7 @@ def _rms(state: State) -> float:
     """Of the held-out error of theta1, corrected for the initial states that were fitted."""
     windows = state.fit.windows
     error = state.simulation_error[0, windows.held_out]
-    free = (state.fit.plant.free(windows.time_step, 2).shape[0]) / windows.channels
+    free = (state.fit.system.free(windows.time_step, 2).shape[0]) / windows.channels
     return float(np.sqrt(np.sum(error**2) / (error.size - free * len(error))))
 
 

@@ -106,7 +106,7 @@ class Kind:
     #: differences that do.
     adjustable = True
     difference = 1e-4
-    #: Whether the shape is a moment, which may be in a window that is held out.
+    #: Whether it begins, or all of it happens, at a moment that may be in a window held out.
     moment = False
 
     @property
@@ -485,8 +485,8 @@ class ExtraMode(Kind):
 
     def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
         return {
-            "frequency": abs(shape[0]),
-            "damping_ratio": abs(shape[1]),
+            "frequency": shape[0],
+            "damping_ratio": shape[1],
             "mass_ratio": float(sizes[0]),
         }
 
@@ -563,12 +563,19 @@ class Saturation(Kind):
 
     effect = "torque_saturation"
     sizes = 0
+    moment = True
 
     def shapes(self, motion: Motion) -> Sequence[Shape]:
         size = np.abs(motion.torque)
         levels = np.quantile(size, 1.0 - np.geomspace(0.5, 1e-3, 20))
         near = np.array([0.7, 0.8, 0.9, 0.95, 0.98, 0.995]) * float(np.max(size))
         return [(float(level),) for level in np.unique([*levels, *near]) if level > 0.0]
+
+    def around(self, motion: Motion, shape: Shape, level: int) -> Sequence[Shape]:
+        most = float(np.max(np.abs(motion.torque)))
+        cut = most - shape[0]
+        shares = 1.0 + 0.8 * np.linspace(-1.0, 1.0, 17) / 8.0**level
+        return [(most - share * cut,) for share in shares.tolist()]
 
     def possible(self, motion: Motion, shape: Shape) -> bool:
         """The command has to go beyond the limit."""

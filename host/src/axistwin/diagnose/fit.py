@@ -17,8 +17,8 @@ import scipy.linalg
 import scipy.signal
 
 from axistwin.core import Array
-from axistwin.diagnose.effects import DRY, FRICTION, Found, Motion, Push
-from axistwin.diagnose.linear import Plant, Torque, TwoInertias
+from axistwin.diagnose.effects import DRY, FRICTION, ExtraMode, Found, Motion, Push
+from axistwin.diagnose.linear import Linear, Plant, ThreeInertias, Torque, TwoInertias
 from axistwin.diagnose.windows import Windows, noise_floor
 from axistwin.errors import InputError
 from axistwin.identify.samples import Hold
@@ -43,6 +43,13 @@ _HALVINGS = 6
 
 #: Rounds in a row without a better fit that are put up with.
 _RISES = 2
+
+#: So much [1] the parameters of a further mode usually change in a step (Levenberg 1944): far off,
+#: the record hardly tells them from those of the plant.
+_TRUST = 0.3
+
+#: A further inertia of this size is a usual one.
+_MASS_RATIO = 0.01
 
 #: A parameter of the plant changes by this factor at most in a step.
 _FACTOR = 2.0
@@ -85,13 +92,21 @@ class Fit:
     def _origin(self) -> Array:
         return self.windows.angles[:1, :, :1]
 
-    def answer(self, plant: Plant, pushes: Sequence[Push], states: Array | None = None) -> Array:
+    @cached_property
+    def system(self) -> Linear:
+        """All that is linear: the plant, with a further mode if one has been found."""
+        mode = next((one for one in self.found if isinstance(one.kind, ExtraMode)), None)
+        if mode is None or not isinstance(self.plant, TwoInertias):
+            return self.plant
+        (mass_ratio,), (frequency, damping_ratio) = mode.sizes.tolist(), mode.shape
+        return ThreeInertias(self.plant.axis, frequency, damping_ratio, mass_ratio)
+
+    def answer(self, pushes: Sequence[Push], states: Array | None = None) -> Array:
         """The angles (c, w, l) that the pushes alone make."""
-        return self._answer(plant, pushes, states)[0]
+        return self._answer(pushes, states)[0]
 
     def _answer(
         self,
-        plant: Plant,
         pushes: Sequence[Push],
         states: Array | None,
         command: Array | None = None,
@@ -105,7 +120,7 @@ class Fit:
         torque = Torque.smooth(smooth)
         torque.first[0] += commanded[0]
         torque.last[0] += commanded[1]
-        angles, speeds = plant.respond(self.windows.time_step, torque, states)
+        angles, speeds = self.system.respond(self.windows.time_step, torque, states)
         return angles + errors, speeds
 
     def commanded(self, pushes: Sequence[Push], command: Array | None = None) -> Array:
@@ -122,14 +137,26 @@ class Fit:
         line = np.mean(commanded, axis=0)  # straight from sample to sample
         return np.stack([line, np.concatenate([line[:, 1:], line[:, -1:]], axis=1)])
 
+    def delivered(self, motion: Motion) -> Array:
+        """The torque command (w, l) with what the effects make of it along a motion."""
+        command = self.windows.cut(self.windows.torque)
+        delivered: Array = self.commanded(self._pushes(motion), command)[0]
+        return delivered
+
     def _pushes(self, motion: Motion | None) -> list[Push]:
-        """What each effect does along a motion; nothing as long as that is unknown."""
-        return [] if motion is None else [one.push(motion, self.plant) for one in self.found]
+        """What each effect does along a motion; nothing as long as that is unknown, or where it is
+        part of the linear system."""
+        if motion is None:
+            return []
+        return [
+            Push() if isinstance(one.kind, ExtraMode) else one.push(motion, self.plant)
+            for one in self.found
+        ]
 
     def simulate(self, motion: Motion | None, states: Array | None = None) -> tuple[Array, Array]:
         """Angles and speeds (c, w, l) of the model, what its effects do taken along ``motion``."""
         command = self.windows.cut(self.windows.torque)
-        angles, speeds = self._answer(self.plant, self._pushes(motion), states, command)
+        angles, speeds = self._answer(self._pushes(motion), states, command)
         if self.windows.channels == 2:
             angles[1] += self.zero
         return angles, speeds
@@ -139,7 +166,7 @@ class Fit:
     @cached_property
     def _free(self) -> tuple[Array, Array]:
         """Orthonormal basis (c l, s) of the motion without torque, weighted, and its triangle."""
-        free = self.plant.free(self.windows.time_step, self.windows.length)
+        free = self.system.free(self.windows.time_step, self.windows.length)
         columns = self.vectors(free.transpose(1, 0, 2)).T
         q, r = scipy.linalg.qr(columns, mode="economic")
         return q, r
@@ -239,9 +266,10 @@ class Fit:
         if isinstance(self.plant, TwoInertias):
             axis = self.plant.axis
             shaft = axis.K * (angles[0] - angles[1]) + axis.B * (speeds[0] - speeds[1])
+            carried = self._carried(angles[1], speeds[1], shaft + acting.torque[1])
             load[0] -= shaft
-            load[1] += shaft
-            acceleration[1] += (shaft + acting.torque[1]) / axis.I2
+            load[1] += shaft + carried
+            acceleration[1] += (shaft + carried + acting.torque[1]) / axis.I2
             twist = angles[0] - angles[1] + missed[0][0] - missed[0][1]
             twist_speed = speeds[0] - speeds[1] + missed[1][0] - missed[1][1]
         speed = speeds + missed[1]
@@ -261,6 +289,18 @@ class Fit:
             creep=self._creep(speed),
             turn=1.0 if windows.linear else 2.0 * np.pi,
         )
+
+    def _carried(self, angle: Array, speed: Array, others: Array) -> Array:
+        """The torque (w, l) of a further mode on a table that moves so under the ``others``."""
+        carried = np.zeros_like(others)
+        if isinstance(self.system, ThreeInertias):
+            # Angles and speeds three samples long give the acceleration to the fourth order.
+            step = self.windows.time_step
+            bend = np.diff(angle, 2, axis=1) / step**2
+            inside = 2.0 * bend - (speed[:, 2:] - speed[:, :-2]) / (2.0 * step)
+            carried[:, 1:-1] = self.system.axis.I2 * inside - others[:, 1:-1]
+            carried[:, 0], carried[:, -1] = carried[:, 1], carried[:, -2]
+        return carried
 
     def starts(self, motion: Motion | None) -> Array:
         """The initial state (w, s) that suits each window."""
@@ -361,28 +401,50 @@ class Fit:
 
     @property
     def directions(self) -> Array:
-        """Changes of the unknowns (k, k), a column each: those of the plant, then one by one."""
+        """Changes of the unknowns (k, k), a column each: those of the plant, then one by one.
+
+        Those of a further mode are in proportion, its inertia at the expense of the table's.
+        """
         k = len(self.plant.names)
         directions = np.eye(len(self.values))
         directions[:k, :k] = self.plant.directions
+        mode = self._of_mode
+        directions[mode, mode] = self._mode_sizes
+        for i in mode[:1]:  # what is slow does not feel whether an inertia is tied or on a spring
+            directions[1, i] = -self.values[1] * directions[i, i] / (1.0 + self.values[i])
         return directions
+
+    @property
+    def _of_mode(self) -> list[int]:
+        """Which unknowns are those of a further mode, which is adjusted as the plant is."""
+        first, which = len(self.plant.names) + self.windows.channels - 1, list[int]()
+        for effect in self.found:
+            if isinstance(effect.kind, ExtraMode):
+                which += range(first, first + len(effect.values))
+            first += len(effect.values)
+        return which
 
     def sensitivity(self, motion: Motion) -> Array:
         """Derivatives (w, k, c l) of the simulation along ``directions``, projected."""
         states = self.starts(motion)
         base, _ = self.simulate(motion, states)
         values, directions = self.values, self.directions
-        columns = []
-        for i in range(len(self.plant.names)):
-            step = _STEP * directions[:, i]
-            moved, _ = self.with_values(values + step).simulate(motion, states)
-            columns.append(self.project((moved - base) / _STEP))
+
+        def change(direction: Array) -> Array:
+            moved, _ = self.with_values(values + _STEP * direction).simulate(motion, states)
+            return self.project((moved - base) / _STEP)
+
+        mode = self._of_mode
+        columns = [change(directions[:, i]) for i in range(len(self.plant.names))]
         if self.windows.channels == 2:
             one = np.zeros_like(base)
             one[1] = 1.0
             columns.append(self.project(one))
         for effect in self.found:
-            columns += self.columns(effect, motion)
+            if isinstance(effect.kind, ExtraMode):
+                columns += [change(directions[:, i]) for i in mode]
+            else:
+                columns += self.columns(effect, motion)
         return np.stack(columns, axis=1)
 
     def columns(self, effect: Found, motion: Motion) -> list[Array]:
@@ -401,18 +463,25 @@ class Fit:
         if effect.kind.sizes == 0:
             return []
         pushes = effect.kind.pushes(motion, self.plant, effect.shape)
-        return [self.answer(self.plant, [push]) for push in pushes]
+        return [self.answer([push]) for push in pushes]
 
     def _by_shape(self, effect: Found, motion: Motion) -> list[Array]:
         columns = []
         if len(effect.values) > len(effect.sizes):
-            base = self.answer(self.plant, [effect.push(motion, self.plant)])
+            base = self.answer([effect.push(motion, self.plant)])
         for i in range(len(effect.sizes), len(effect.values)):
             step = np.zeros_like(effect.values)
             step[i] = effect.kind.difference * max(abs(effect.values[i]), 1e-9)
             pushed = effect.with_values(effect.values + step).push(motion, self.plant)
-            columns.append((self.answer(self.plant, [pushed]) - base) / step[i])
+            columns.append((self.answer([pushed]) - base) / step[i])
         return columns
+
+    @property
+    def _mode_sizes(self) -> Array:
+        """Of the parameters of a further mode; an inertia has one however small it is."""
+        sizes = self.values[self._of_mode]
+        sizes[:1] = np.maximum(sizes[:1], _MASS_RATIO)
+        return sizes
 
     def _size(self, i: int) -> float:
         """The size of a parameter of the plant; damping has one even when it is zero."""
@@ -443,8 +512,10 @@ class Fit:
                 best = (misfit, fit, motion)
             if rises > _RISES:
                 break
-            step = solve(fit.sensitivity(motion), residual, ~fit.windows.held_out)
-            step = fit.directions @ step
+            trust = np.zeros(len(fit.values))
+            trust[fit._of_mode] = fit.scale(residual) / _TRUST**2
+            step = solve(fit.sensitivity(motion), residual, ~fit.windows.held_out, trust)
+            step = fit.directions @ fit._bounded(step)
             moved = fit._line_search(step, motion, misfit)
             if moved is None:
                 break
@@ -454,6 +525,10 @@ class Fit:
         if fit.misfit(fit.residual(motion)) < best[0]:
             return fit, motion
         return best[1], best[2]
+
+    def scale(self, residual: Array) -> float:
+        """Mean square where the fit may look."""
+        return self.misfit(residual) / residual[~self.windows.held_out].size
 
     def misfit(self, residual: Array) -> float:
         """Sum of squares where the fit may look."""
@@ -467,9 +542,22 @@ class Fit:
         moved = self.values + step
         k = len(self.plant.names)
         sizes = np.array([self._size(i) for i in range(k)])
+        for i in self._of_mode[:1]:  # the sum of both, which is known best, stays to all orders
+            before, after = 1.0 + self.values[i], 1.0 + moved[i]
+            tied = moved[1] + self.values[1] * step[i] / before
+            moved[1] = tied * before / after
         lowest = np.where(self.plant.values < sizes, 0.0, sizes / _FACTOR)
         moved[:k] = np.clip(moved[:k], lowest, sizes * _FACTOR)
         return self.with_values(moved)
+
+    def _bounded(self, step: Array) -> Array:
+        """A step along the directions that leaves a further mode within a factor."""
+        mode, sizes = self._of_mode, self._mode_sizes
+        values = self.values[mode]
+        lowest, highest = values / _FACTOR - values, _FACTOR * sizes - values
+        bounded: Array = step.copy()
+        bounded[mode] = np.clip(step[mode], lowest / sizes, highest / sizes)
+        return bounded
 
     def _line_search(self, step: Array, motion: Motion, before: float) -> Fit | None:
         for halving in range(_HALVINGS):
@@ -496,9 +584,18 @@ def _add(sums: Array, *parts: Array | None) -> None:
             sums[one] += part
 
 
-def solve(columns: Array, residual: Array, chosen: npt.NDArray[np.bool_]) -> Array:
-    """Least squares (k,) of residual (w, n) by columns (w, k, n) over the chosen windows."""
+def solve(
+    columns: Array,
+    residual: Array,
+    chosen: npt.NDArray[np.bool_],
+    trust: Array | float = 0.0,
+) -> Array:
+    """Least squares (k,) of residual (w, n) by columns (w, k, n) over the chosen windows.
+
+    With ``trust`` (k,) the sum of it times the solution squared counts as well.
+    """
     gram = np.einsum("wan,wbn->ab", columns[chosen], columns[chosen], optimize=True)
+    gram += np.diag(np.broadcast_to(trust, len(gram)))
     right = np.einsum("wan,wn->a", columns[chosen], residual[chosen], optimize=True)
     return solve_normal(gram, right)
 

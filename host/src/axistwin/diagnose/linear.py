@@ -12,9 +12,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from axistwin import core
 from axistwin.core import Array, Axis
+from axistwin.errors import InputError
+
+Complexes = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -38,8 +42,23 @@ class Torque:
         return cls(bent, np.concatenate([bent[:, :, 1:], bent[:, :, -1:]], axis=2))
 
 
-class Plant(Protocol):
-    """A linear axis with ``values`` (k,), the parameters ``names``; c channels and places."""
+class Linear(Protocol):
+    """What moves in proportion to the torque; c channels and places, s states."""
+
+    def respond(
+        self, time_step: float, torque: Torque, states: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Angles [rad] and speeds [rad/s] (c, w, l) under a torque at each place.
+
+        Each window starts in its state (w, s), at rest unless given.
+        """
+
+    def free(self, time_step: float, length: int) -> Array:
+        """The motion (s, c, l) without torque from each unit state."""
+
+
+class Plant(Linear, Protocol):
+    """A linear axis with ``values`` (k,), the parameters ``names``."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -61,17 +80,6 @@ class Plant(Protocol):
 
     def others(self) -> Sequence[Plant]:
         """Plants that look alike from afar, to begin with instead."""
-
-    def respond(
-        self, time_step: float, torque: Torque, states: Array | None = None
-    ) -> tuple[Array, Array]:
-        """Angles [rad] and speeds [rad/s] (c, w, l) under a torque at each place.
-
-        Each window starts in its state (w, s), at rest unless given.
-        """
-
-    def free(self, time_step: float, length: int) -> Array:
-        """The motion (s, c, l) without torque from each unit state."""
 
     def starts(self, states: Array) -> Array:
         """States (w, s) as the core has them: (w, 4), in the order of core.State."""
@@ -166,6 +174,94 @@ class TwoInertias:
         share = self.axis.I2 / (self.axis.I1 + self.axis.I2)
         columns = (angle - share * twist, speed - share * twist_speed, twist, twist_speed)
         return np.stack(columns, axis=1)
+
+
+@dataclass(frozen=True)
+class ThreeInertias:
+    """The axis of Eq. 3 with a further inertia on a spring on its table: ``frequency`` [rad/s] and
+    ``damping_ratio`` of that alone, the table held, ``mass_ratio`` in units of I2.
+
+    States: of the centre of mass angle, speed; of the twist of the shaft likewise; of the further
+    inertia against the table likewise. Raises InputError for what does not swing twice.
+    """
+
+    axis: Axis
+    frequency: float
+    damping_ratio: float
+    mass_ratio: float
+
+    def __post_init__(self) -> None:
+        if min(self.frequency, self.damping_ratio, self.mass_ratio) < 0.0:
+            raise InputError("a further mode has neither negative inertia nor negative damping")
+
+    def respond(
+        self, time_step: float, torque: Torque, states: Array | None = None
+    ) -> tuple[Array, Array]:
+        a = self.axis
+        total = a.I1 + a.I2 * (1.0 + self.mass_ratio)
+        first, last = ((t[0] + t[1]) / total for t in (torque.first, torque.last))
+        start = None if states is None else states[:, :2]
+        angle, speed = core.respond(0.0, 0.0, time_step, first, last, start)
+        angles, speeds = np.stack([angle, angle]), np.stack([speed, speed])
+
+        # Of motor and table against the centre of mass, by twist and by the further inertia.
+        table = -np.array([a.I1, a.I2 * self.mass_ratio]) / total
+        shares = np.array([(table[0] + 1.0, table[1]), table])
+        pushed = np.array([(0.0, 0.0), (1.0 / a.I1, -1.0 / a.I2), (0.0, 0.0), (0.0, -1.0 / a.I2)])
+        poles, vectors = self._swings
+        inverse = np.linalg.inv(np.concatenate([vectors, vectors.conj()], axis=1))[:2]
+        for pole, vector, row in zip(poles, vectors.T, inverse, strict=True):
+            drive = row @ pushed
+            start = None if states is None else states[:, 2:] @ row
+            swing = _swing(complex(pole), time_step, torque, drive, start)
+            for moved, part in ((angles, vector[::2]), (speeds, vector[1::2])):
+                for channel, share in zip(moved, 2.0 * shares @ part, strict=True):
+                    channel += share.real * swing[0] - share.imag * swing[1]
+        return angles, speeds
+
+    def free(self, time_step: float, length: int) -> Array:
+        nothing = np.zeros((2, 6, length))
+        angles, _ = self.respond(time_step, Torque(nothing, nothing), np.eye(6))
+        free: Array = angles.transpose(1, 0, 2)
+        return free
+
+    @property
+    def _swings(self) -> tuple[Complexes, Complexes]:
+        """The relative states (4,) are 2 Re(V z), z' = poles z + drive: poles (2,), V (4, 2)."""
+        a, p, m = self.axis, self.frequency, self.mass_ratio
+        shaft = np.array([a.K, a.B, 0.0, 0.0])
+        carried = np.array([0.0, 0.0, p**2, 2.0 * self.damping_ratio * p])
+        system = np.zeros((4, 4))
+        system[0, 1] = system[2, 3] = 1.0
+        system[1] = -(1.0 / a.I1 + 1.0 / a.I2) * shaft - m * carried
+        system[3] = -shaft / a.I2 - (1.0 + m) * carried
+        poles, vectors = np.linalg.eig(system)
+        above = poles.imag > 0.0
+        if np.count_nonzero(above) != 2:
+            raise InputError("an axis with a further mode swings twice")
+        return poles[above], vectors[:, above]
+
+
+def _swing(
+    pole: complex, time_step: float, torque: Torque, drive: Complexes, start: Complexes | None
+) -> tuple[Array, Array]:
+    """Real and imaginary part (w, l) of z' = pole z + drive (2,) torque, from start (w,).
+
+    Each part of the drive moves an oscillator q with the poles ``pole`` and its conjugate; what it
+    makes of z is q' - conj(pole) q.
+    """
+    law = (-2.0 * pole.real, abs(pole) ** 2)
+    states = None
+    if start is not None:
+        first_angle = start.imag / pole.imag
+        states = np.stack([first_angle, start.real + pole.real * first_angle], axis=1)
+    moved = []
+    for part, begun in ((drive.real, states), (drive.imag, None)):
+        first, last = (part[0] * t[0] + part[1] * t[1] for t in (torque.first, torque.last))
+        angle, speed = core.respond(*law, time_step, first, last, begun)
+        moved.append((speed - pole.real * angle, pole.imag * angle))
+    (real, imaginary), (along, across) = moved
+    return real - across, imaginary + along
 
 
 #: Shares of the table in the inertia, and a damping ratio, to begin with.

@@ -10,12 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from axistwin.core import Array
-from axistwin.diagnose import spectrum
+from axistwin.diagnose import resonance, spectrum
 from axistwin.diagnose.effects import (
     DRY,
     FRICTION,
     Coulomb,
     Disturbance,
+    ExtraMode,
     Found,
     FrictionDrift,
     Kind,
@@ -24,6 +25,7 @@ from axistwin.diagnose.effects import (
     Offset,
     Push,
     Ripple,
+    Saturation,
     Shape,
     Stribeck,
     Viscous,
@@ -56,6 +58,10 @@ MOST = 0.5
 
 #: What held-out windows that hold little but noise have to gain when they do not agree.
 ALONE_MIN = 100.0
+
+#: Windows are few up to this share of all, and what is left of their error is nearly none.
+FEW = 0.25
+NEARLY_NONE = 0.1
 
 #: Of the best trials, so many are fitted in full, if they gain this share of what the best does.
 CONTENDERS = 5
@@ -232,7 +238,7 @@ class Trials:
     def _without(self, found: Found) -> Array:
         """The errors (w, n) less what an effect adds."""
         push = found.push(self.motion, self.fit.plant)
-        return self._residual - self.fit.project(self.fit.answer(self.fit.plant, [push]))
+        return self._residual - self.fit.project(self.fit.answer([push]))
 
     def _fitted(self, own: Array, residual: Array) -> tuple[Array, Array]:
         """Least squares of errors (w, n) by the columns of the fit and further ones (w, k, n).
@@ -309,7 +315,7 @@ class Trials:
         straight lines between samples would halve the first.
         """
         backwards = np.pad(self.fit.slopes(error)[:, :, ::-1], ((0, 0), (0, 0), (_REST, 0)))
-        moved, _ = self.fit.plant.respond(self.motion.time_step, Torque.smooth(backwards))
+        moved, _ = self.fit.system.respond(self.motion.time_step, Torque.smooth(backwards))
         scores: Array = moved[place, :, : _REST - 1 : -1]
         return scores
 
@@ -337,19 +343,33 @@ def significant(trial: Trial, state: State) -> bool:
     noise of the encoders is left, its distribution is known, and what a single window gains can be
     enough.
     """
+    if isinstance(trial.found.kind, Saturation) and _normalised(trial, state.samples):
+        return True
     unknowns = max(trial.found.kind.sizes, 1) + len(trial.found.shape)
     scale = max(1.0, float(np.mean(trial.before)) / state.samples)
+    if trial.gain <= (GAIN_MIN + 4.0 * unknowns) * scale or trial.total <= HELD_OUT_MIN * scale:
+        return False
     noise = scale < _NEARLY_RIGHT and state.fit.corner == 0.0
-    agreed = (
+    return (
         max(trial.t, trial.t_plain) > T_MIN
         or trial.share > MOST
         or (noise and trial.total > ALONE_MIN * scale)
     )
-    return (
-        trial.gain > (GAIN_MIN + 4.0 * unknowns) * scale
-        and trial.total > HELD_OUT_MIN * scale
-        and agreed
-    )
+
+
+def _normalised(trial: Trial, samples: int) -> bool:
+    """Whether a few windows that were unlike the others become like them.
+
+    That is what a limit does that is seldom reached. One number cannot make that of an error that
+    has another cause, be the windows held out or not.
+    """
+    usual = float(np.median(trial.after))
+    gained = trial.before - trial.after
+    few = gained > ALONE_MIN * max(usual / samples, 1.0)
+    if not 0 < np.count_nonzero(few) < FEW * len(few):
+        return False
+    excess, left = (float(np.sum(errors[few] - usual)) for errors in (trial.before, trial.after))
+    return left < NEARLY_NONE * excess and float(np.sum(gained)) > NEARLY * excess
 
 
 @dataclass(frozen=True)
@@ -503,13 +523,35 @@ def rigid_start(windows: Windows, hold: Hold) -> Rigid:
         Push(motor=-np.sign(speed)),
         Push(motor=np.ones_like(command)),
     ]
-    columns = [fit.project(fit.answer(fit.plant, [push])) for push in pushes]
+    columns = [fit.project(fit.answer([push])) for push in pushes]
     inverse = solve(np.stack(columns, axis=1), fit.project(fit.measured), ~windows.held_out)[0]
     if inverse <= 0.0:
         raise NotEnoughDataError(
             "the torque does not explain how the axis moves: excite it with more acceleration"
         )
     return Rigid(1.0 / float(inverse), 0.0)
+
+
+def with_modes(state: State) -> list[Fit]:
+    """The fit from axes with a further mode, as the record seems to show one."""
+    fit = state.fit
+    torque = fit.delivered(state.motion)
+    zero = np.zeros_like(fit.measured)
+    zero[1] = 1.0
+    fits = []
+    for plant, mode in resonance.find(fit.windows, torque):
+        fit = replace(state.fit, plant=plant, zero=0.0, found=(*state.fit.found, mode))
+        # The inertias in proportion to the torque, which a response tells far less well.
+        try:
+            moved = fit.answer([Push(command=np.stack([torque, torque]))])
+        except InputError:  # two vibrations are one, or too fast
+            continue
+        columns = np.stack([fit.project(angles) for angles in (moved, zero)], axis=1)
+        size, shift = solve(columns, fit.project(fit.measured), ~fit.windows.held_out)
+        if size > 0.0:
+            scaled = plant.with_values(plant.values / size)
+            fits.append(replace(fit, plant=scaled, zero=float(shift)))
+    return fits
 
 
 def begin(start: Fit) -> list[State]:
@@ -711,6 +753,10 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
         progress(f"fitting {trial.found.kind.effect} at {trial.found.kind.location}")
         fit = replace(state.fit, found=(*state.fit.found, trial.found))
         contenders.append(State.along(fit, state.motion))
+    if state.scale > _ALL and any(isinstance(trial.found.kind, ExtraMode) for trial in trials):
+        progress("looking for a further resonance")
+        others = (State.along(fit, state.motion) for fit in with_modes(state))
+        contenders += [other for other in others if other.fitted < state.fitted]
     contenders.sort(key=_fitted)
     fits = []
     for i, contender in enumerate(contenders):
