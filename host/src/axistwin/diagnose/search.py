@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -103,6 +104,9 @@ _RIGHT = 1.015
 
 #: The same where a simulation of the effects could not bring it nearer.
 _ALL = 1.003
+
+#: What a further mode has to explain of what is more than noise.
+_GOOD_PART = 0.3
 
 #: So many of the best contenders are simulated.
 _SIMULATED = 2
@@ -743,6 +747,31 @@ def _left(fit: Fit) -> list[Kind]:
     ]
 
 
+def _explained(best: State | None) -> bool:
+    """Whether hardly more than noise is left."""
+    return best is not None and best.scale < _RIGHT
+
+
+def _resonating(state: State) -> list[State]:
+    """The fits with a further mode that explain a good part of what is more than noise.
+
+    A mode bends a whole response: with so many unknowns it would find something to better anywhere.
+    """
+    candidates, found = [], []
+    for fit in with_modes(state):
+        with contextlib.suppress(InputError):  # no two resonances are left
+            candidates.append(State.along(fit, state.motion))
+    for candidate in candidates:
+        part = (state.scale - candidate.scale) / (state.scale - 1.0)
+        if (
+            part > _GOOD_PART
+            and candidate.plausible
+            and significant(candidate.against(state, candidate.fit.found[-1]), state)
+        ):
+            found.append(candidate)
+    return found
+
+
 def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | None:
     """The trials that gain most, each fitted with all the rest; the best of them that holds."""
     good = [trial for trial in trials if significant(trial, state)]
@@ -752,11 +781,8 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
             break
         progress(f"fitting {trial.found.kind.effect} at {trial.found.kind.location}")
         fit = replace(state.fit, found=(*state.fit.found, trial.found))
-        contenders.append(State.along(fit, state.motion))
-    if state.scale > _ALL and any(isinstance(trial.found.kind, ExtraMode) for trial in trials):
-        progress("looking for a further resonance")
-        others = (State.along(fit, state.motion) for fit in with_modes(state))
-        contenders += [other for other in others if other.fitted < state.fitted]
+        with contextlib.suppress(InputError):  # an axis cannot have that beside the rest
+            contenders.append(State.along(fit, state.motion))
     contenders.sort(key=_fitted)
     fits = []
     for i, contender in enumerate(contenders):
@@ -764,7 +790,13 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
         candidate = contender.simulated() if i < _SIMULATED else contender
         if candidate.plausible and significant(candidate.against(state, found), state):
             fits.append(candidate)
-    best = min(fits, key=lambda candidate: candidate.fitted, default=None)
+    best = min(fits, key=_fitted, default=None)
+    if any(isinstance(trial.found.kind, ExtraMode) for trial in trials) and not (
+        state.scale < _RIGHT or _explained(best)
+    ):
+        progress("looking for a further resonance")
+        fits += _resonating(state)
+        best = min(fits, key=_fitted, default=None)
     if best is not None and isinstance(best.fit.found[-1].kind, Stribeck):
         # What dry friction of one size does nearly as well is that, so far; it can still fall.
         dry = Coulomb(best.fit.found[-1].kind.place)
