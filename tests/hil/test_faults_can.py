@@ -305,5 +305,8 @@ def test_a_clock_that_is_200_ppm_fast_is_put_right(
     host("log", *carrier.host, *SLOW_STREAM, "--duration", "4", "-f", str(log)).expect(0)
     record = read_record(log)
     clock = record.meta["frames"]["clock"]
-    assert abs(clock["drift_ppm"] + 200.0) < 5.0 * clock["error_ppm"] < 100.0
+    # A computer that becomes busy half way is some 10 us later with everything from then on.
+    stamps = 20.0
+    assert abs(clock["drift_ppm"] + 200.0) < max(stamps, 5.0 * clock["error_ppm"])
+    assert 5.0 * clock["error_ppm"] < 100.0
     assert record.time_step == pytest.approx(0.01 / (1.0 + 200e-6), rel=1e-4)
