@@ -15,7 +15,7 @@ from axistwin.diagnose.answer import stiff
 from axistwin.diagnose.effects import Backlash, Coulomb, EncoderDelay, ExtraMode, Found
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Plant, Rigid, Torque, TwoInertias
-from axistwin.diagnose.replay import Replay, replay
+from axistwin.diagnose.replay import Replay, find_replay
 from axistwin.errors import InputError
 from axistwin.model import Model
 from axistwin.record import Record
@@ -148,7 +148,7 @@ def fitted(record: Record, plant: Plant, found: tuple[Found, ...]) -> Replay:
     cut = windows.cut(record)
     fit = Fit(cut, "zoh", nearly(plant), found=found, noise=np.full(cut.channels, NOISE))
     fit, motion = fit.adjust()
-    played = replay(fit, motion)
+    played = find_replay(fit, motion)
     assert played is not None
     return played
 
@@ -224,6 +224,6 @@ def test_nothing_is_simulated_that_a_window_shows_no_beginning_of() -> None:
     cut = windows.cut(record(()))
     fit = Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, NOISE))
     motion = fit.motion(None)
-    assert replay(fit, motion) is None
+    assert find_replay(fit, motion) is None
     mode = Found(ExtraMode(1), np.array([0.1]), (500.0, 0.02))
-    assert replay(replace(fit, found=(mode,)), motion) is None
+    assert find_replay(replace(fit, found=(mode,)), motion) is None

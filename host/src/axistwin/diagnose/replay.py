@@ -86,7 +86,7 @@ class Replay:
     columns: Array
 
 
-def replay(fit: Fit, motion: Motion) -> Replay | None:
+def find_replay(fit: Fit, motion: Motion) -> Replay | None:
     """The fit adjusted once more, from where it is.
 
     None when it has nothing inside the axis, or something of which a window shows no beginning.
@@ -139,7 +139,8 @@ class _Replaying:
             point = self._from_afar()
         if self._play:
             self._substeps = self._steps(_PLAY_STEP_MAX)
-        point, of_states, columns = self._rounds(point)
+        point = self._rounds(point)
+        of_states, columns = self._derivatives(point)
         _, explained = _eliminated(of_states, columns)
         left = (columns - explained).transpose(0, 2, 1)
         return Replay(point.fit, self._motion, point.residual, left)
@@ -157,7 +158,7 @@ class _Replaying:
         best: _Point | None = None
         for plant in (self._fit.plant, *self._fit.plant.others()):
             try:
-                point, _, _ = self._rounds(self._beginning(replace(self._fit, plant=plant)))
+                point = self._rounds(self._beginning(replace(self._fit, plant=plant)))
             except InputError:
                 continue
             if best is None or self._misfit(point) < self._misfit(best):
@@ -167,28 +168,26 @@ class _Replaying:
         if best is None or not self._near(best, _HOPELESS):
             raise InputError("no axis behaves like that")
         for self._horizon in parts[1:]:
-            best, _, _ = self._rounds(best)
+            best = self._rounds(best)
         self._horizon = length
         return best
 
-    def _rounds(self, point: _Point) -> tuple[_Point, Array, Array]:
-        """Adjusted as far as the horizon, and the derivatives there."""
+    def _rounds(self, point: _Point) -> _Point:
+        """Adjusted as far as the horizon."""
         whole = self._horizon == self._windows.length
         little = _LITTLE if whole else _LITTLE_FROM_AFAR
         point = self._point(point.fit, point.starts)
         for _ in range(_ROUNDS):
             point = self._begun(point)
-            of_states, columns = self._derivatives(point)
-            moved = self._step(point, of_states, columns)
+            moved = self._step(point)
             if moved is None:
-                break
+                return point
             gained, point = self._misfit(point) - self._misfit(moved), moved
             if whole:
                 self._motion = point.fit.motion_of(self._motion, point.angles, point.speeds)
             if gained < _NO_GAIN + little * self._misfit(point):
                 break
-        point = self._begun(point)
-        return point, *self._derivatives(point)
+        return self._begun(point)
 
     def _steps(self, turn: float) -> int:
         """From one sample to the next, if the vibration turns by so much in one."""
@@ -214,8 +213,9 @@ class _Replaying:
         beyond = _OUTLIER * (1.0 + np.log(np.maximum(mean / _OUTLIER, 1.0)))
         return float(np.sum(np.minimum(mean, beyond))) * self._samples
 
-    def _step(self, point: _Point, of_states: Array, columns: Array) -> _Point | None:
+    def _step(self, point: _Point) -> _Point | None:
         """A better point, None if there is none on the way."""
+        of_states, columns = self._derivatives(point)
         both = np.concatenate([columns, point.residual[:, :, None]], axis=2)
         back, explained = _eliminated(of_states, both)
         left = both - explained

@@ -35,8 +35,7 @@ from axistwin.diagnose.effects import (
 )
 from axistwin.diagnose.fit import Fit, solve, solve_normal
 from axistwin.diagnose.linear import Rigid, Torque
-from axistwin.diagnose.replay import Replay
-from axistwin.diagnose.replay import replay as find_replay
+from axistwin.diagnose.replay import Replay, find_replay
 from axistwin.diagnose.windows import Windows, median_spectrum
 from axistwin.errors import InputError, NotEnoughDataError
 from axistwin.identify.samples import Hold

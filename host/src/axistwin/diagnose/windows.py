@@ -33,6 +33,9 @@ FOLD = 3
 #: The upper part of the frequency range, where a simulation error is noise of the encoders.
 _NOISE_BAND = 0.7
 
+#: Of an exponential distribution with mean 1, which a line of a spectrum has.
+_MEDIAN = np.log(2.0)
+
 
 @dataclass(frozen=True)
 class Windows:
@@ -114,9 +117,7 @@ def cut(record: Record, window: float | None = None) -> Windows:
 def median_spectrum(errors: Array) -> Array:
     """Power (c, f) of simulation errors (c, w, l), of white noise its square: the median of the
     windows, which single ones do not move."""
-    taper = scipy.signal.windows.blackmanharris(errors.shape[2])
-    power = np.abs(np.fft.rfft(errors * taper, axis=2)) ** 2 / np.sum(taper**2)
-    median: Array = np.median(power, axis=1) / np.log(2.0)  # of an exponential distribution
+    median: Array = np.median(_spectra(errors), axis=1) / _MEDIAN
     return median
 
 
@@ -126,10 +127,14 @@ def noise_floor(errors: Array) -> Array:
     From the upper end of their spectrum, where no motion of an axis is left; the median, so that
     lines in it do not count.
     """
-    length = errors.shape[2]
-    taper = scipy.signal.windows.blackmanharris(length)
-    power = np.abs(np.fft.rfft(errors * taper, axis=2)) ** 2 / np.sum(taper**2)
+    power = _spectra(errors)
     upper = power[:, :, int(_NOISE_BAND * power.shape[2]) : -1]
-    median = np.median(upper, axis=(1, 2)) / np.log(2.0)  # of an exponential distribution
-    size: Array = np.sqrt(median)
+    size: Array = np.sqrt(np.median(upper, axis=(1, 2)) / _MEDIAN)
     return size
+
+
+def _spectra(errors: Array) -> Array:
+    """Power (c, w, f), of white noise its square on the average."""
+    taper = scipy.signal.windows.blackmanharris(errors.shape[2])
+    power: Array = np.abs(np.fft.rfft(errors * taper, axis=2)) ** 2 / np.sum(taper**2)
+    return power
