@@ -6,7 +6,6 @@ the engine finds the parameters that the machine was given, both have the same p
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -15,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axistwin.core import Array, Axis, Effect
+from axistwin.core import Effect
 from axistwin.diagnose import diagnose, windows
 from axistwin.diagnose.answer import stiff
 from axistwin.diagnose.effects import Coulomb, Found, Kind, TorqueDelay, catalogue
@@ -23,37 +22,10 @@ from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Plant, Rigid, Torque, TwoInertias
 from axistwin.diagnose.search import State, Trials
 from axistwin.identify.samples import Hold
-from axistwin.model import Model
-from axistwin.record import Record
 
-#: Resonance at 39 Hz; many turns of travel, many reversals.
-AXIS = Axis(1e-3, 5e-4, 5e-3, 20.0)
-STEP = 1e-3
-LENGTH = 6000
-NOISE = 1e-5
+from .diagnosis_records import AXIS, NOISE, STEP, record, shake
 
-#: Steps of the machine between two samples: its own errors are then far below what is found.
-SUBSTEPS = 16
-
-
-@functools.cache
-def torque() -> Array:
-    """Noise over all frequencies that move the axis, and a slow swing."""
-    noise = np.random.default_rng(1).standard_normal(LENGTH + 2)
-    smooth = (noise[:-2] + noise[1:-1] + noise[2:]) / 3.0
-    swing: Array = 0.15 * smooth + 0.2 * np.sin(2.0 * np.pi * 1.1 * STEP * np.arange(LENGTH))
-    return swing
-
-
-def record(*effects: Effect, axis: Axis = AXIS, length: int = LENGTH, hold: Hold = "zoh") -> Record:
-    """What the machine does under torque(), at rest in the beginning."""
-    random = np.random.default_rng(2)
-    acting = torque()[:length]
-    motor, table = (
-        angle + NOISE * random.standard_normal(length)
-        for angle in Model(axis, effects).simulate(acting, STEP, hold=hold, substeps=SUBSTEPS)
-    )
-    return Record(STEP * np.arange(length, dtype=np.float64), acting, motor, STEP, table)
+TORQUE = shake(6000)
 
 
 def coulomb(location: str) -> Effect:
@@ -123,7 +95,7 @@ def test_every_kind_is_compared() -> None:
 def test_the_machine_and_the_engine_have_the_same_physics(effect: Effect) -> None:
     """From the true axis, so that only the effect is unknown; then with the axis unknown too."""
     others = beside(effect)
-    cut = windows.cut(record(*others, effect), 0.25)
+    cut = windows.cut(record(*others, effect, torque=TORQUE), 0.25)
     fit = Fit(cut, "zoh", TwoInertias(AXIS), found=known(others))
     fit = fit.with_noise(fit.motion(None))
     before = State(fit, fit.motion(fit.motion(None)))
@@ -144,7 +116,7 @@ HOLDS: list[Hold] = ["zoh", "foh"]
 @pytest.mark.parametrize("hold", HOLDS)
 def test_the_torque_goes_on_between_samples_as_is_said(hold: Hold) -> None:
     """Taken otherwise, it would be half a sample early or late."""
-    cut = windows.cut(record(hold=hold), 0.25)
+    cut = windows.cut(record(torque=TORQUE, hold=hold), 0.25)
     for assumed in HOLDS:
         fit = Fit(cut, assumed, TwoInertias(AXIS), noise=np.full(2, NOISE))
         state = State(fit, fit.motion(None))
@@ -154,7 +126,7 @@ def test_the_torque_goes_on_between_samples_as_is_said(hold: Hold) -> None:
 @pytest.mark.parametrize("hold", HOLDS)
 def test_a_delay_of_any_part_of_a_sample_is_found(hold: Hold) -> None:
     late = Effect("delay", "torque", {"time": 1.7e-3})
-    fit = Fit(windows.cut(record(late, hold=hold), 0.25), hold, TwoInertias(AXIS))
+    fit = Fit(windows.cut(record(late, torque=TORQUE, hold=hold), 0.25), hold, TwoInertias(AXIS))
     fit = fit.with_noise(fit.motion(None))
     found = Trials(State(fit, fit.motion(None))).run([TorqueDelay()], lambda _: None)[0].found
     assert found.params["time"] == pytest.approx(1.7e-3, rel=0.01)
@@ -162,7 +134,7 @@ def test_a_delay_of_any_part_of_a_sample_is_found(hold: Hold) -> None:
 
 def cut_of(plant: Plant) -> Fit:
     """A plant against a short part of a record, two channels weighted differently."""
-    part = record(length=1000)
+    part = record(torque=TORQUE[:1000])
     if isinstance(plant, Rigid):
         part = replace(part, theta2=None)
     cut = windows.cut(part, 0.1)
@@ -225,7 +197,7 @@ def test_sensitivities_are_derivatives() -> None:
 
 
 def test_nothing_is_named_in_a_record_of_an_ideal_axis() -> None:
-    found = diagnose(record(), window=0.25)
+    found = diagnose(record(torque=TORQUE), window=0.25)
     assert found.findings == ()
     assert not found.unexplained
     assert found.base_valid
@@ -241,7 +213,7 @@ def test_what_is_named_is_what_the_machine_had() -> None:
         coulomb("table"),
         Effect("torque_ripple", "motor", {"amplitude": 0.01, "periods": 12.0, "phase": 0.7}),
     )
-    found = diagnose(record(*effects), window=0.25)
+    found = diagnose(record(*effects, torque=TORQUE), window=0.25)
     assert [(one.effect, one.location) for one in found.findings] == [
         (one.effect, one.location) for one in effects
     ]
@@ -256,7 +228,7 @@ def test_what_is_named_is_what_the_machine_had() -> None:
 
 def test_one_encoder_is_enough_for_what_acts_at_the_motor() -> None:
     inertia = 1.5e-3
-    rigid = record(coulomb("motor"), axis=stiff(inertia, STEP))
+    rigid = record(coulomb("motor"), torque=TORQUE, axis=stiff(inertia, STEP))
     found = diagnose(replace(rigid, theta2=None), window=0.25)
     assert [(one.effect, one.location) for one in found.findings] == [("friction_coulomb", "motor")]
     assert found.findings[0].params["torque"] == pytest.approx(0.02, rel=0.02)

@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-import functools
-
 import numpy as np
 import pytest
 import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axistwin.core import Array, Axis, Effect
+from axistwin.core import Array, Effect
 from axistwin.diagnose import diagnose, resonance, windows
 from axistwin.diagnose.linear import ThreeInertias, Torque, TwoInertias
 from axistwin.errors import InputError
-from axistwin.model import Model
-from axistwin.record import Record
 
-#: Vibrates at 245 rad/s.
-AXIS = Axis(1e-3, 5e-4, 5e-3, 20.0)
-STEP = 1e-3
-LENGTH = 8000
-NOISE = 1e-5
+from .diagnosis_records import AXIS, STEP, record, shake
+
+TORQUE = shake(8000)
 
 
 def by_exponential(axis: ThreeInertias, torque: Torque, states: Array) -> tuple[Array, Array]:
@@ -94,25 +88,6 @@ def test_what_is_no_further_mode_is_refused() -> None:
         ThreeInertias(AXIS, 300.0, 2.0, 0.1).free(STEP, 10)
 
 
-@functools.cache
-def torque() -> Array:
-    """Noise over all frequencies that move the axis, and a slow swing."""
-    noise = np.random.default_rng(1).standard_normal(LENGTH + 2)
-    smooth = (noise[:-2] + noise[1:-1] + noise[2:]) / 3.0
-    swing: Array = 0.15 * smooth + 0.2 * np.sin(2.0 * np.pi * 1.1 * STEP * np.arange(LENGTH))
-    return swing
-
-
-def record(*effects: Effect) -> Record:
-    """What the machine in C does under torque()."""
-    random = np.random.default_rng(2)
-    motor, table = (
-        angle + NOISE * random.standard_normal(LENGTH)
-        for angle in Model(AXIS, effects).simulate(torque(), STEP, substeps=16)
-    )
-    return Record(STEP * np.arange(LENGTH, dtype=np.float64), torque(), motor, STEP, table)
-
-
 def mode(frequency: float, mass_ratio: float) -> Effect:
     params = {"frequency": frequency, "damping_ratio": 0.02, "mass_ratio": mass_ratio}
     return Effect("extra_mode", "table", params)
@@ -120,7 +95,7 @@ def mode(frequency: float, mass_ratio: float) -> Effect:
 
 @pytest.mark.parametrize("frequency", [160.0, 245.0, 400.0])
 def test_the_twist_tells_of_a_mode(frequency: float) -> None:
-    cut = windows.cut(record(mode(frequency, 0.1)), 0.2)
+    cut = windows.cut(record(mode(frequency, 0.1), torque=TORQUE), 0.2)
     plant, found = resonance.find(cut, cut.cut(cut.torque))[0]
     assert found.params["frequency"] == pytest.approx(frequency, rel=0.05)
     assert found.params["mass_ratio"] == pytest.approx(0.1, rel=0.2)
@@ -140,7 +115,7 @@ def test_the_twist_tells_of_a_mode(frequency: float) -> None:
     ids=["light", "strong", "beside a ripple"],
 )
 def test_a_mode_near_the_resonance_is_named(effects: tuple[Effect, ...]) -> None:
-    found = diagnose(record(*effects), window=0.25)
+    found = diagnose(record(*effects, torque=TORQUE), window=0.25)
     named = {(one.effect, one.location): one for one in found.findings}
     assert set(named) == {(one.effect, one.location) for one in effects}
     for effect in effects:
