@@ -42,11 +42,11 @@ _VIBRATION_STEP_MAX = 0.1
 _PLAY_STEP_MAX = 0.03
 
 #: Differences of initial states, in units of the noise, and of sizes, in units of themselves.
-_STATE_STEP = 10.0
-_STEP = 1e-3
+_STATE_STEP = 0.05
+_STEP = 1e-5
 
 #: How sure an initial state is of itself, in such differences: one that has no effect stays.
-_STATE_SPREAD = 1e3
+_STATE_SPREAD = 2e5
 
 _ROUNDS = 8
 _HALVINGS = 4
