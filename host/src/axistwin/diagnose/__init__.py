@@ -2,8 +2,9 @@
 
 The method is told in docs/diagnosis.md. The modules: ``intake`` looks whether a record can answer,
 ``windows`` cuts it, ``linear`` is the axis that answers any torque, ``effects`` what each effect of
-the catalogue adds, ``fit`` adjusts all their parameters, ``search`` decides which effects there
-are, ``answer`` puts it into numbers, ``report`` into words and figures.
+the catalogue adds along a motion, ``fit`` adjusts all their parameters, ``replay`` once more to a
+simulation of axis and effects; ``spectrum`` and ``resonance`` tell where to begin, ``search``
+decides which effects there are, ``answer`` puts it into numbers, ``report`` into words and figures.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from axistwin.diagnose import answer, intake, search, windows
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Plant, Rigid, TwoInertias
 from axistwin.diagnose.result import Diagnosis
-from axistwin.diagnose.windows import Windows
+from axistwin.diagnose.windows import LENGTH_MIN, Windows
 from axistwin.errors import NotEnoughDataError
 from axistwin.identify import output_error, rigid
 from axistwin.identify.samples import Hold, longest_stretch
@@ -26,8 +27,8 @@ from axistwin.record import Record
 Progress = Callable[[str], None]
 
 #: An axis whose error is so many times the noise (squared) soon does something else than its
-#: simulation, in a time that effects change a lot. Then windows are so many times shorter, but as
-#: long as some periods of the vibration. A rigid axis only drifts: there errors are weighted.
+#: simulation, in a time that effects change a lot. Then windows are so many times shorter at first,
+#: but as long as some periods of the vibration. A rigid axis only drifts: its errors are weighted.
 _FAR = 100.0
 _SHORTER = 16
 _PERIODS = 3.0
@@ -53,19 +54,19 @@ def diagnose(
     progress("looking for the axis")
     start = _start(record, cut, hold, progress)
     bases = search.begin(Fit(cut, hold, start))
-    far = all(base.scale > _FAR for base in bases)
-    if far and window is None and isinstance(start, TwoInertias):
-        short = windows.cut(record, _short(start, cut))
-        bases = search.begin(Fit(short, hold, start))
-    found = search.look(bases, progress)
+    parts = 1
+    if all(base.scale > _FAR for base in bases) and isinstance(start, TwoInertias):
+        parts = _parts(start, cut)
+        bases = search.begin(Fit(cut.split(parts), hold, start))
+    found = search.look(bases, progress, parts)
     progress("final fit")
     return answer.of(record, found, examined)
 
 
-def _short(start: TwoInertias, cut: Windows) -> float:
-    """The length of windows [s] that are short, and still show the shaft vibrate."""
-    length = cut.length // _SHORTER * cut.time_step
-    return max(length, _PERIODS * 2.0 * np.pi / start.frequency)
+def _parts(start: TwoInertias, cut: Windows) -> int:
+    """Into how many parts windows go that are short, and still show the shaft vibrate."""
+    length = _PERIODS * 2.0 * np.pi / start.frequency / cut.time_step
+    return max(1, min(_SHORTER, cut.length // max(int(np.ceil(length)), LENGTH_MIN)))
 
 
 def _start(record: Record, cut: Windows, hold: Hold, progress: Progress) -> Plant:

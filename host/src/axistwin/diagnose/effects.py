@@ -66,6 +66,26 @@ class Motion:
     creep: Array
     turn: float
 
+    def joined(self, parts: int) -> Motion:
+        """The same where so many windows in a row are one."""
+
+        def join(values: Array) -> Array:
+            return values.reshape(*values.shape[:-2], -1, parts * values.shape[-1])
+
+        return replace(
+            self,
+            time=join(self.time),
+            index=self.index.reshape(-1, parts * self.index.shape[1]),
+            angle=join(self.angle),
+            speed=join(self.speed),
+            acceleration=join(self.acceleration),
+            twist=join(self.twist),
+            twist_speed=join(self.twist_speed),
+            friction=join(self.friction),
+            grip=join(self.grip),
+            load=join(self.load),
+        )
+
     def command(self, steps: int = 0) -> Array:
         """The torque (w, l) as it was so many samples earlier."""
         earlier: Array = self.torque[np.maximum(self.index - steps, 0)]

@@ -595,20 +595,23 @@ class Search:
     trials: tuple[tuple[Trial, ...], ...]
 
 
-def look(bases: Sequence[State], progress: Progress) -> Search:
+def look(bases: Sequence[State], progress: Progress, parts: int = 1) -> Search:
     """All effects that held-out data speak for.
 
     Where what they leave is far more than the noise of the encoder, they are looked for once more,
     every error weighted as such errors are: then they are told by what they do to the torque.
+    ``parts`` windows in a row are parts of a longer one, where the search goes on in the end.
     """
     found = _searched(bases, progress)
-    corner = found.states[-1].corner
-    if found.states[-1].scale < _NEARLY_RIGHT or corner == 0.0:
-        return found
-    progress("weighting the errors as those of a torque")
-    return _searched(
-        [State(replace(base.fit, corner=corner), base.motion) for base in bases], progress
-    )
+    last = found.states[-1]
+    if last.scale < _NEARLY_RIGHT:
+        if parts > 1:
+            found = _lengthened(found, parts, progress)
+    elif last.corner > 0.0:
+        progress("weighting the errors as those of a torque")
+        weighted = [State(replace(base.fit, corner=last.corner), base.motion) for base in bases]
+        found = _searched(weighted, progress)
+    return _understood(found)
 
 
 def _searched(bases: Sequence[State], progress: Progress) -> Search:
@@ -620,13 +623,41 @@ def _searched(bases: Sequence[State], progress: Progress) -> Search:
         other = _extended([base], [], progress)
         if other.states[-1].fitted < found.states[-1].fitted:
             found = other
+    found = _settled(found, progress)
+    honest = min([*bases, *(State.of(base.fit, base.motion) for base in bases)], key=_fitted)
+    return replace(found, states=(honest, *found.states[1:]))
+
+
+def _lengthened(search: Search, parts: int, progress: Progress) -> Search:
+    """The search carried on in longer windows, which show what is slow and small.
+
+    As it was where those cannot be simulated down to noise: what is found in short ones holds.
+    """
+    progress("going on in longer windows")
+
+    def longer(state: State) -> State:
+        windows = state.fit.windows.joined(parts)
+        return State(replace(state.fit, windows=windows), state.motion.joined(parts))
+
+    last = longer(search.states[-1]).replayed()
+    if last.replay is None:
+        last = State.of(last.fit, last.motion)
+    base = longer(search.states[0])
+    base = min(base, State.of(base.fit, base.motion), key=_fitted)
+    known = Search((base, last), search.trials)
+    chain = [*_chain(known, last.fit.found[:-1]), last] if last.fit.found else [last]
+    found = _settled(_extended(chain, list(search.trials[:-1]), progress), progress)
+    return found if found.states[-1].scale < _NEARLY_RIGHT else search
+
+
+def _settled(found: Search, progress: Progress) -> Search:
+    """Revised until every effect stands."""
     for _ in range(_REVISIONS):
         revised = _revised(found, progress)
         if revised is None:
             break
         found = revised
-    honest = min([*bases, *(State.of(base.fit, base.motion) for base in bases)], key=_fitted)
-    return _understood(replace(found, states=(honest, *found.states[1:])))
+    return found
 
 
 def _fitted(state: State) -> float:

@@ -7,7 +7,7 @@ held out: no parameter is fitted to it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -77,6 +77,27 @@ class Windows:
         """Values (n,) of a channel in windows (w, l)."""
         cut: Array = values[self.index]
         return cut
+
+    def split(self, parts: int) -> Windows:
+        """Each window in so many equal parts; up to ``parts - 1`` samples are left over."""
+        length = self.length // parts
+        kept = slice(parts * length)
+        return replace(
+            self,
+            index=self.index[:, kept].reshape(-1, length),
+            angles=self.angles[:, :, kept].reshape(self.channels, -1, length),
+            held_out=np.repeat(self.held_out, parts),
+        )
+
+    def joined(self, parts: int) -> Windows:
+        """What was split so, without the samples left over."""
+        length = self.length * parts
+        return replace(
+            self,
+            index=self.index.reshape(-1, length),
+            angles=self.angles.reshape(self.channels, -1, length),
+            held_out=self.held_out[::parts],
+        )
 
 
 def cut(record: Record, window: float | None = None) -> Windows:
