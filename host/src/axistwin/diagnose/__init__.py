@@ -57,6 +57,7 @@ def diagnose(
     parts = 1
     if all(base.scale > _FAR for base in bases) and isinstance(start, TwoInertias):
         parts = _parts(start, cut)
+        cut = windows.cut(record, cut.length // parts * parts * record.time_step)
         bases = search.begin(Fit(cut.split(parts), hold, start))
     found = search.look(bases, progress, parts)
     progress("final fit")

@@ -32,6 +32,7 @@ from axistwin.diagnose.result import (
     Track,
 )
 from axistwin.diagnose.search import UNEXPLAINED, Search, State
+from axistwin.diagnose.windows import coloured
 from axistwin.identify.result import Quantity, quantity, unit
 from axistwin.model import SAMPLE_LOSS, Model
 from axistwin.record import Record
@@ -44,6 +45,9 @@ _LOST_MIN = 10
 
 #: Rounding of an encoder this many times its other noise is what limits it.
 _COARSE = 1.0
+
+#: Up to this share of the noise the rounding is as good as white.
+_FINE = 0.5
 
 #: Lags of the autocorrelations, and parts of the record for the course of the parameters.
 _LAGS = 100
@@ -188,17 +192,22 @@ class _Answer:
     # ---- Errors
 
     def _unexplained(self) -> bool:
-        """Whether more is left of a channel than noise and the rounding of its encoder."""
+        """Whether more is left of a channel than noise and the rounding of its encoder, which is
+        not white."""
         windows, record = self._last.fit.windows, self._record
-        error = self._last.simulation_error[:, windows.held_out]
+        whole = self._last.simulation_error
+        error = whole[:, windows.held_out]
         floor = self._last.fit.noise
         for channel, angle in enumerate((record.theta1, record.theta2)[: windows.channels]):
             step = resolution(angle) if angle is not None else None
             noise = 0.0 if floor is None else float(floor[channel])
-            least = max(noise, (step or 0.0) / np.sqrt(12.0))
+            rounding = (step or 0.0) / np.sqrt(12.0)
+            least = max(noise, rounding)
             free = len(self._last.fit.system.free(windows.time_step, 2)) / windows.channels
             left = np.sum(error[channel] ** 2) / (error[channel].size - free * len(error[channel]))
             if float(left) > UNEXPLAINED * least**2:
+                return True
+            if rounding < _FINE * noise and coloured(whole[channel], noise):
                 return True
         return False
 

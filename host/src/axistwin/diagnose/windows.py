@@ -33,6 +33,16 @@ FOLD = 3
 #: The upper part of the frequency range, where a simulation error is noise of the encoders.
 _NOISE_BAND = 0.7
 
+#: Lines of a spectrum that the taper smears the lowest ones over, and lines that are as one then.
+_TAPER_WIDTH = 4
+_TAPER_LINES = 2.0
+
+#: Parts of a spectrum that are looked at, each up to a certain factor above the last; the excess
+#: that is beyond chance, and that which the floor may be wrong by.
+_BANDS = 12
+_SURE = 5.0
+_FLOOR_SPREAD = 0.03
+
 #: Of an exponential distribution with mean 1, which a line of a spectrum has.
 _MEDIAN = np.log(2.0)
 
@@ -79,24 +89,23 @@ class Windows:
         return cut
 
     def split(self, parts: int) -> Windows:
-        """Each window in so many equal parts; up to ``parts - 1`` samples are left over."""
+        """Each in so many parts, of which its length has to be a multiple."""
         length = self.length // parts
-        kept = slice(parts * length)
         return replace(
             self,
-            index=self.index[:, kept].reshape(-1, length),
-            angles=self.angles[:, :, kept].reshape(self.channels, -1, length),
-            held_out=np.repeat(self.held_out, parts),
+            index=self.index.reshape(-1, length),
+            angles=self.angles.reshape(self.channels, -1, length),
+            held_out=_held_out(self.count * parts),
         )
 
     def joined(self, parts: int) -> Windows:
-        """What was split so, without the samples left over."""
+        """What was split so."""
         length = self.length * parts
         return replace(
             self,
             index=self.index.reshape(-1, length),
             angles=self.angles.reshape(self.channels, -1, length),
-            held_out=self.held_out[::parts],
+            held_out=_held_out(self.count // parts),
         )
 
 
@@ -130,9 +139,15 @@ def cut(record: Record, window: float | None = None) -> Windows:
         record.time_step,
         np.stack([angle[index] for angle in angles]),
         record.torque,
-        np.arange(len(index)) % FOLD == FOLD - 1,
+        _held_out(len(index)),
         record.linear,
     )
+
+
+def _held_out(count: int) -> npt.NDArray[np.bool_]:
+    """Which of so many windows are held out."""
+    held_out: npt.NDArray[np.bool_] = np.arange(count) % FOLD == FOLD - 1
+    return held_out
 
 
 def median_spectrum(errors: Array) -> Array:
@@ -152,6 +167,18 @@ def noise_floor(errors: Array) -> Array:
     upper = power[:, :, int(_NOISE_BAND * power.shape[2]) : -1]
     size: Array = np.sqrt(np.median(upper, axis=(1, 2)) / _MEDIAN)
     return size
+
+
+def coloured(errors: Array, floor: float) -> bool:
+    """Whether simulation errors (w, l) of a channel hold more than white noise of that size in some
+    part of their spectrum, which is little of all where the part is narrow."""
+    power = np.mean(_spectra(errors[None]), axis=(0, 1)) / floor**2
+    highest = int(_NOISE_BAND * len(power))
+    edges = np.unique(np.geomspace(_TAPER_WIDTH, highest, _BANDS + 1).astype(np.int64))
+    lines = np.diff(edges)
+    excess = np.add.reduceat(power[:highest], edges[:-1]) / lines - 1.0
+    spread = np.sqrt(_TAPER_LINES / (lines * len(errors)))
+    return bool(np.any(excess > _SURE * spread + _FLOOR_SPREAD))
 
 
 def _spectra(errors: Array) -> Array:
