@@ -6,6 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 import pytest
+import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -56,6 +57,18 @@ def test_a_long_record_is_looked_at_all_over() -> None:
     assert cut.index[-1, -1] == length - 1
 
 
+def test_windows_are_split_and_joined_again() -> None:
+    cut = windows.cut(record(9000, {4321}), 0.24)
+    short = cut.split(8)
+    assert (short.count, short.length) == (8 * cut.count, 30)
+    np.testing.assert_array_equal(short.angles, [short.index, -short.index])
+    assert np.count_nonzero(short.held_out) == short.count // windows.FOLD
+    again = short.joined(8)
+    np.testing.assert_array_equal(again.index, cut.index)
+    np.testing.assert_array_equal(again.angles, cut.angles)
+    np.testing.assert_array_equal(again.held_out, cut.held_out)
+
+
 @pytest.mark.parametrize(
     ("length", "missing"),
     [
@@ -77,6 +90,21 @@ def test_the_noise_is_told_from_motion_and_from_a_line(length: int, line: float)
     slow = 0.01 * np.sin(2.0 * np.pi * at / length) + 0.003 * (at / length) ** 2
     errors = noise + slow + line * np.sin(2.7 * at)
     np.testing.assert_allclose(windows.noise_floor(errors), sizes, rtol=0.1 if line else 0.05)
+
+
+@pytest.mark.parametrize("length", [120, 250, 900])
+def test_a_little_in_a_narrow_part_of_the_spectrum_is_told_from_noise(length: int) -> None:
+    """A resonance that adds five per cent to the power of the noise, and none."""
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        noise, drive = random.standard_normal((2, 60_000))
+        swinging = scipy.signal.lfilter([1.0], [1.0, -1.8, 0.99], drive)
+        more = np.sqrt(0.05) * swinging / np.std(swinging)
+        errors, more = (
+            one[: 60_000 // length * length].reshape(-1, length) for one in (noise, more)
+        )
+        assert not windows.coloured(3e-6 * errors, 3e-6)
+        assert windows.coloured(3e-6 * (errors + more), 3e-6)
 
 
 def no_plant(periods: Array) -> Array:

@@ -21,7 +21,7 @@ from axistwin.diagnose.result import Diagnosis
 from axistwin.diagnose.windows import LENGTH_MIN, Windows
 from axistwin.errors import NotEnoughDataError
 from axistwin.identify import output_error, rigid
-from axistwin.identify.samples import Hold, longest_stretch
+from axistwin.identify.samples import Hold, longest_stretch, whole
 from axistwin.record import Record
 
 Progress = Callable[[str], None]
@@ -35,6 +35,9 @@ _PERIODS = 3.0
 
 #: Samples that a first guess of the axis is made from.
 _START_SAMPLES = 20_000
+
+#: Up to this share of missing samples, they may be interpolated for that.
+_MISSING_MAX = 0.1
 
 
 def diagnose(
@@ -79,6 +82,8 @@ def _start(record: Record, cut: Windows, hold: Hold, progress: Progress) -> Plan
         except NotEnoughDataError:
             return search.rigid_start(cut, hold)
         return Rigid(found["I"].value, max(found["viscous"].value, 0.0))
+    if samples.count < _START_SAMPLES and len(record.missing) < _MISSING_MAX * len(record):
+        samples = whole(record)
     first = slice(_START_SAMPLES)
     part = replace(
         samples,

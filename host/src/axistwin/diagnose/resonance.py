@@ -121,7 +121,7 @@ def _measured(windows: Windows, acting: Array) -> _Spectra:
         for cross, answer in ((of_motor, motor), (of_table, table))
     ]
     drive = power.real / np.sin(half) ** 2
-    driven = (drive > _DRIVEN * np.mean(drive)) & related[0] & related[1]
+    driven = (len(drive) * drive > _DRIVEN * np.sum(drive)) & related[0] & related[1]
     ratio = of_motor / of_table
     noise = np.sum(np.abs(motor - ratio * table) ** 2, axis=0)
     independent = len(torque) / _OVERLAP

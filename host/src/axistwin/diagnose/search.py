@@ -458,7 +458,8 @@ class State:
     def samples(self) -> int:
         """Of a window, less what its initial state takes."""
         windows = self.fit.windows
-        return windows.channels * (windows.length - 2)
+        states = len(self.fit.system.free(windows.time_step, 2))
+        return windows.channels * windows.length - states
 
     @property
     def fitted(self) -> float:
@@ -777,13 +778,8 @@ def _left(fit: Fit) -> list[Kind]:
     ]
 
 
-def _explained(best: State | None) -> bool:
-    """Whether hardly more than noise is left."""
-    return best is not None and best.scale < _RIGHT
-
-
-def _resonating(state: State) -> list[State]:
-    """The fits with a further mode that explain a good part of what is more than noise.
+def _resonating(state: State, besides: State) -> list[State]:
+    """The fits with a further mode that explain a good part of what the best without one leaves.
 
     A mode bends a whole response: with so many unknowns it would find something to better anywhere.
     """
@@ -792,7 +788,7 @@ def _resonating(state: State) -> list[State]:
         with contextlib.suppress(InputError):  # no two resonances are left
             candidates.append(State.along(fit, state.motion))
     for candidate in candidates:
-        part = (state.scale - candidate.scale) / (state.scale - 1.0)
+        part = (besides.scale - candidate.scale) / (besides.scale - 1.0)
         if (
             part > _GOOD_PART
             and candidate.plausible
@@ -821,11 +817,10 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
         if candidate.plausible and significant(candidate.against(state, found), state):
             fits.append(candidate)
     best = min(fits, key=_fitted, default=None)
-    if any(isinstance(trial.found.kind, ExtraMode) for trial in trials) and not (
-        state.scale < _RIGHT or _explained(best)
-    ):
+    left = best or state
+    if left.scale > _RIGHT and any(isinstance(trial.found.kind, ExtraMode) for trial in trials):
         progress("looking for a further resonance")
-        fits += _resonating(state)
+        fits += _resonating(state, left)
         best = min(fits, key=_fitted, default=None)
     if best is not None and isinstance(best.fit.found[-1].kind, Stribeck):
         # What dry friction of one size does nearly as well is that, so far; it can still fall.

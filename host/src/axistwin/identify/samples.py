@@ -92,7 +92,15 @@ def longest_stretch(record: Record) -> Samples:
         raise NotEnoughDataError(
             f"{record.source}: only {max(count, 0)} samples in a row, {SAMPLES_MIN} are needed"
         )
+    return _cut(record, part)
 
+
+def whole(record: Record) -> Samples:
+    """All of the record, with what is missing as it has been interpolated."""
+    return _cut(record, slice(0, len(record)))
+
+
+def _cut(record: Record, part: slice) -> Samples:
     def cut(channel: Array | None, zero: float = 0.0) -> Array | None:
         return None if channel is None else channel[part] - zero
 
