@@ -6,7 +6,6 @@ the parameters of the answer all windows are then fitted, so that nothing of the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -49,6 +48,13 @@ _COARSE = 1.0
 #: Up to this share of the noise the rounding is as good as white.
 _FINE = 0.5
 
+#: Twice the logarithm of the likelihood that a moment may be off by: there are several good ones.
+_LIKELY = 16.0
+
+#: Moments that are tried around the best on each side, and the samples between two.
+_MOMENTS = 32
+_MOMENT_STEP = 2
+
 #: Lags of the autocorrelations, and parts of the record for the course of the parameters.
 _LAGS = 100
 _PARTS = 8
@@ -74,6 +80,9 @@ class _Answer:
             self._final = State.along(last, self._last.motion).replayed()
         else:
             self._final = State(last, self._last.motion).replayed()
+        for i, found in enumerate(last.found):
+            if found.kind.moment:
+                self._final = _at_best_moment(self._final, i)
 
     def diagnosis(self, intake: Intake) -> Diagnosis:
         """All of it."""
@@ -115,16 +124,20 @@ class _Answer:
         findings = []
         for i, found in enumerate(self._final.fit.found):
             gain = (_held_out(states[i]) - _held_out(states[i + 1])) / whole
-            findings.append(
-                Finding(
-                    found.kind.effect,
-                    found.kind.location,
-                    found.params,
-                    _intervals(found, self._final.spread(i), _factor(self._final)),
-                    gain,
-                )
-            )
+            ci95 = _intervals(found, self._final.spread(i), _factor(self._final))
+            if found.kind.moment:
+                ci95["time"] = self._moments(i, ci95["time"])
+            kind = found.kind
+            findings.append(Finding(kind.effect, kind.location, found.params, ci95, gain))
         return findings
+
+    def _moments(self, i: int, near: tuple[float, float]) -> tuple[float, float]:
+        """The first and the last moment that is about as likely as the best."""
+        state = self._final
+        unknown, moments = _around(state, i)
+        misfits = np.array([state.misfit_at(unknown, moment) for moment in moments])
+        likely = moments[misfits < np.min(misfits) + _LIKELY * state.scale]
+        return min(near[0], float(likely[0])), max(near[1], float(likely[-1]))
 
     def _of_the_record(self) -> list[Finding]:
         """What the wire and the encoders do, which no simulation shows."""
@@ -356,9 +369,10 @@ def _factor(state: State) -> float:
     return float(scipy.stats.t.ppf(0.975, freedom))
 
 
-def _intervals(found: Found, spread: Array, factor: float) -> Mapping[str, tuple[float, float]]:
+def _intervals(found: Found, spread: Array, factor: float) -> dict[str, tuple[float, float]]:
     """95 % intervals of the public parameters, by the delta method."""
-    middle, intervals = found.params, {}
+    middle = found.params
+    intervals: dict[str, tuple[float, float]] = {}
     sizes = np.sqrt(np.maximum(np.diag(spread), 0.0))
     slopes: dict[str, Array] = {name: np.zeros(len(found.values)) for name in middle}
     for i, size in enumerate(sizes):
@@ -371,6 +385,28 @@ def _intervals(found: Found, spread: Array, factor: float) -> Mapping[str, tuple
         half = factor * float(np.sqrt(max(float(slope @ spread @ slope), 0.0)))
         intervals[name] = (middle[name] - half, middle[name] + half)
     return intervals
+
+
+def _around(state: State, i: int) -> tuple[int, Array]:
+    """Which unknown is the moment of the i-th effect, and moments around it."""
+    unknown = state.unknowns(i).stop - 1
+    samples = np.arange(-_MOMENTS, _MOMENTS + 1) * _MOMENT_STEP
+    moments: Array = state.fit.values[unknown] + state.fit.windows.time_step * samples
+    return unknown, moments
+
+
+def _at_best_moment(state: State, i: int) -> State:
+    """The same adjusted from a better moment if there is one: where the axis turns back, or hardly
+    moves, the best is not the only good one."""
+    unknown, moments = _around(state, i)
+    values = state.fit.values
+    values[unknown] = min(moments, key=lambda moment: state.misfit_at(unknown, moment))
+    fit = state.fit.with_values(values)
+    if state.replay is None:
+        other = State.along(fit, state.motion)
+    else:
+        other = State(fit, state.motion).replayed()
+    return min(state, other, key=lambda one: one.fitted)
 
 
 def _held_out(state: State) -> float:

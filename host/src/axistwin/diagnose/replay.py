@@ -22,6 +22,7 @@ from axistwin.diagnose.effects import (
     EncoderDelay,
     ExtraMode,
     Found,
+    Hardening,
     LeadError,
     Motion,
     Saturation,
@@ -38,8 +39,10 @@ _OUTSIDE = (TorqueDelay, EncoderDelay, Saturation, LeadError, Eccentricity)
 #: A step of the simulation turns the vibration by this much at most.
 _VIBRATION_STEP_MAX = 0.1
 
-#: The same where play lets the shaft go within a step.
+#: The same for the last digits where play lets the shaft go within a step; where its stiffness
+#: changes in it, of the vibration at the largest twist.
 _PLAY_STEP_MAX = 0.03
+_HARDENED_STEP_MAX = 0.06
 
 #: Differences of initial states, in units of the noise, and of sizes, in units of themselves.
 _STATE_STEP = 0.05
@@ -47,6 +50,9 @@ _STEP = 1e-5
 
 #: How sure an initial state is of itself, in such differences: one that has no effect stays.
 _STATE_SPREAD = 2e5
+
+#: What an effect moves [noise] that is only just there.
+_LITTLE_MOVED = 0.05
 
 _ROUNDS = 8
 _HALVINGS = 4
@@ -84,6 +90,30 @@ class Replay:
     motion: Motion
     residual: Array
     columns: Array
+    _replaying: _Replaying
+    _point: _Point
+    _of_states: Array
+
+    def residual_of(self, fit: Fit) -> Array:
+        """The errors of other unknowns (w, c l), less what initial states explain.
+
+        Raises InputError for unknowns that no axis can have.
+        """
+        residual = self._replaying.residual_of(self._point, fit)[:, :, None]
+        _, explained = _eliminated(self._of_states, residual)
+        left: Array = (residual - explained)[:, :, 0]
+        return left
+
+    def by_size(self, found: Found, most: float) -> list[Array] | None:
+        """Derivatives (w, c l) by the sizes of a further effect, less what initial states explain.
+
+        ``most`` is what size 1 moves at most, about. None for what acts outside of the axis.
+        """
+        if _outside(found) or isinstance(found.kind, ExtraMode):
+            return None
+        of_sizes = self._replaying.by_size(self._point, found, _LITTLE_MOVED / most)
+        _, explained = _eliminated(self._of_states, of_sizes)
+        return list((of_sizes - explained).transpose(2, 0, 1))
 
 
 def find_replay(fit: Fit, motion: Motion) -> Replay | None:
@@ -129,7 +159,6 @@ class _Replaying:
         steps = np.array([1.0, fast, slow, 1.0])
         self._state_steps = (_STATE_STEP * noise * steps)[self._free]
         self._turned = fast * fit.windows.time_step
-        self._play = any(isinstance(one.kind, Backlash) for one in fit.found)
         self._substeps = self._steps(_VIBRATION_STEP_MAX)
 
     def adjusted(self) -> Replay:
@@ -137,13 +166,12 @@ class _Replaying:
         point = self._beginning(self._fit)
         if not self._near(point):
             point = self._from_afar()
-        if self._play:
-            self._substeps = self._steps(_PLAY_STEP_MAX)
+        self._substeps = self._finer_steps()
         point = self._rounds(point)
         of_states, columns = self._derivatives(point)
         _, explained = _eliminated(of_states, columns)
         left = (columns - explained).transpose(0, 2, 1)
-        return Replay(point.fit, self._motion, point.residual, left)
+        return Replay(point.fit, self._motion, point.residual, left, self, point, of_states)
 
     def _beginning(self, fit: Fit) -> _Point:
         """A fit in windows that start as their motion seems to begin."""
@@ -188,6 +216,19 @@ class _Replaying:
             if gained < _NO_GAIN + little * self._misfit(point):
                 break
         return self._begun(point)
+
+    def _finer_steps(self) -> int:
+        """From one sample to the next, where the shaft is not linear."""
+        finest = self._substeps
+        for one in self._fit.found:
+            if isinstance(one.kind, Backlash):
+                finest = max(finest, self._steps(_PLAY_STEP_MAX))
+            elif isinstance(one.kind, Hardening) and isinstance(self._fit.plant, TwoInertias):
+                largest = float(np.max(np.abs(self._motion.twist)))
+                bend = 3.0 * float(one.sizes[0]) * largest**2 / self._fit.plant.axis.K
+                faster = float(np.sqrt(max(1.0 + bend, 1.0)))
+                finest = max(finest, self._steps(_HARDENED_STEP_MAX / faster))
+        return finest
 
     def _steps(self, turn: float) -> int:
         """From one sample to the next, if the vibration turns by so much in one."""
@@ -354,6 +395,10 @@ class _Replaying:
             effects.append(Effect("friction_viscous", "motor", {"coefficient": viscous}))
         return Model(axis, tuple(effects), self._windows.linear).rotary(self._force(fit))
 
+    def residual_of(self, point: _Point, fit: Fit) -> Array:
+        """Errors (w, c l) of another fit from the same starts."""
+        return self._point(fit, point.starts).residual
+
     # ---- Derivatives
 
     def _derivatives(self, point: _Point) -> tuple[Array, Array]:
@@ -389,6 +434,15 @@ class _Replaying:
                 values[first + i] += more
                 columns.append(change(fit.with_values(values), point.starts) / more)
         return np.stack(of_states, axis=2), np.stack(columns, axis=2)
+
+    def by_size(self, point: _Point, found: Found, little: float) -> Array:
+        """By the sizes of a further effect (w, c l, k), as far as a ``little`` of it tells."""
+        columns = []
+        for sizes in little * np.eye(len(found.sizes)):
+            more = replace(point.fit, found=(*point.fit.found, replace(found, sizes=sizes)))
+            moved = self._played(more, point.starts)[0] - point.played
+            columns.append(self._vectors(point.fit, moved) / little)
+        return np.stack(columns, axis=2)
 
     def _vectors(self, fit: Fit, angles: Array) -> Array:
         return fit.vectors(angles[: self._windows.channels])

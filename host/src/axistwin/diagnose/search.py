@@ -26,7 +26,6 @@ from axistwin.diagnose.effects import (
     Offset,
     Push,
     Ripple,
-    Saturation,
     Shape,
     Stribeck,
     Viscous,
@@ -56,8 +55,10 @@ NEARLY = 0.9
 #: The share of the held-out error whose loss needs no further proof.
 MOST = 0.5
 
-#: What held-out windows that hold little but noise have to gain when they do not agree.
+#: What held-out windows that hold little but noise have to gain when they do not agree; where they
+#: hold nothing else chance hardly ever gives so much.
 ALONE_MIN = 100.0
+CHANCE_MAX = 20.0
 
 #: Windows are few up to this share of all, and what is left of their error is nearly none.
 FEW = 0.25
@@ -97,6 +98,9 @@ _LEVELS = 3
 
 #: Mean square of an error, in units of the noise, that leaves the plant where it should be.
 _NEARLY_RIGHT = 2.0
+
+#: The same where hardly anything but noise is left.
+_NOISE = 1.03
 
 #: The same where no other plant need be tried: the noise itself is known no better.
 _RIGHT = 1.015
@@ -192,8 +196,27 @@ class Trials:
             progress(f"trying {kind.effect} at {kind.location}")
             trial = self._best(kind)
             if trial is not None:
-                trials.append(trial)
+                trials.append(self._replayed(trial) or trial)
         return sorted(trials, key=lambda trial: -trial.gain)
+
+    def _replayed(self, trial: Trial) -> Trial | None:
+        """The same beside effects as they act, where those bend the answer of the axis."""
+        found, replay = trial.found, self._state.replay
+        if replay is None or self._scale < _RIGHT or found.kind.sizes == 0:
+            return None
+        along = self.fit.by_size(found, self.motion)
+        most = max(float(np.max(np.abs(column))) for column in along)
+        try:
+            columns = replay.by_size(found, most)
+        except InputError:
+            return None
+        if columns is None:
+            return None
+        sizes, after = self._fitted(np.stack(columns, axis=1), self._residual)
+        candidate = replace(found, sizes=sizes)
+        if not np.all(np.isfinite(sizes)) or not candidate.plausible:
+            return None
+        return Trial(candidate, self._before, after, self._held_out)
 
     def _best(self, kind: Kind) -> Trial | None:
         best = self._best_of(kind, self._shapes(kind))
@@ -346,29 +369,30 @@ def significant(trial: Trial, state: State) -> bool:
     noise of the encoders is left, its distribution is known, and what a single window gains can be
     enough.
     """
-    if isinstance(trial.found.kind, Saturation) and _normalised(trial, state.samples):
-        return True
     unknowns = max(trial.found.kind.sizes, 1) + len(trial.found.shape)
+    if len(trial.found.values) == 1 and _normalised(trial, state.samples):
+        return True
     scale = max(1.0, float(np.mean(trial.before)) / state.samples)
     if trial.gain <= (GAIN_MIN + 4.0 * unknowns) * scale or trial.total <= HELD_OUT_MIN * scale:
         return False
-    noise = scale < _NEARLY_RIGHT and state.fit.corner == 0.0
-    return (
-        max(trial.t, trial.t_plain) > T_MIN
-        or trial.share > MOST
-        or (noise and trial.total > ALONE_MIN * scale)
-    )
+    if max(trial.t, trial.t_plain) > T_MIN or trial.share > MOST:
+        return True
+    if scale > _NEARLY_RIGHT or state.fit.corner > 0.0:
+        return False
+    return trial.total > (CHANCE_MAX if scale < _NOISE else ALONE_MIN) * scale
 
 
 def _normalised(trial: Trial, samples: int) -> bool:
     """Whether a few windows that were unlike the others become like them.
 
-    That is what a limit does that is seldom reached. One number cannot make that of an error that
-    has another cause, be the windows held out or not.
+    That is what a limit does that is seldom reached, or a shaft that has got softer when the first
+    transient is over. One number cannot make that of an error that has another cause, be the
+    windows held out or not.
     """
     usual = float(np.median(trial.after))
     gained = trial.before - trial.after
-    few = gained > ALONE_MIN * max(usual / samples, 1.0)
+    least = ALONE_MIN * max(usual / samples, 1.0)
+    few = gained > max(least, NEARLY_NONE * float(np.max(gained)))
     if not 0 < np.count_nonzero(few) < FEW * len(few):
         return False
     excess, left = (float(np.sum(errors[few] - usual)) for errors in (trial.before, trial.after))
@@ -394,9 +418,17 @@ class State:
         """The fit adjusted; with a simulation of the effects where they are not all there is."""
         return cls.along(fit, before).simulated()
 
+    def beside(self, fit: Fit) -> State:
+        """A fit with more than this one, adjusted from here: to a simulation if this one is."""
+        if self.replay is not None:
+            replayed = State(fit, self.motion).replayed()
+            if replayed.replay is not None:
+                return replayed
+        return State.along(fit, self.motion)
+
     def simulated(self) -> State:
         """With a simulation of the effects, where more is left than noise."""
-        return self.replayed() if self.scale > _ALL else self
+        return self.replayed() if self.replay is None and self.scale > _ALL else self
 
     def replayed(self) -> State:
         """The same adjusted to a simulation of the effects, if that brings it nearer."""
@@ -493,12 +525,33 @@ class State:
         of_values: Array = directions @ spread @ directions.T
         return of_values
 
+    def misfit_at(self, unknown: int, value: float) -> float:
+        """The error where one unknown has another value and the others make the best of that, to
+        first order. Infinite where no axis has it."""
+        values = self.fit.values
+        values[unknown] = value
+        try:
+            other = self.fit.with_values(values)
+            if self.replay is not None:
+                residual = self.replay.residual_of(other)
+            else:
+                residual = other.residual(self.motion)
+        except InputError:
+            return np.inf
+        columns, chosen = np.delete(self.columns, unknown, axis=1), ~self.fit.windows.held_out
+        step = solve(columns, residual, chosen)
+        return self.fit.misfit(residual - np.einsum("wkn,k->wn", columns, step))
+
     def spread(self, i: int) -> Array:
         """Covariance of the values of the i-th effect."""
+        chosen = self.unknowns(i)
+        return self.covariance[chosen, chosen]
+
+    def unknowns(self, i: int) -> slice:
+        """Which of all unknowns are the values of the i-th effect."""
         counts = [len(one.values) for one in self.fit.found]
         start = len(self.fit.values) - sum(counts[i:])
-        chosen = slice(start, start + counts[i])
-        return self.covariance[chosen, chosen]
+        return slice(start, start + counts[i])
 
     @property
     def plausible(self) -> bool:
@@ -808,7 +861,8 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
         progress(f"fitting {trial.found.kind.effect} at {trial.found.kind.location}")
         fit = replace(state.fit, found=(*state.fit.found, trial.found))
         with contextlib.suppress(InputError):  # an axis cannot have that beside the rest
-            contenders.append(State.along(fit, state.motion))
+            near = len(contenders) < _SIMULATED
+            contenders.append(state.beside(fit) if near else State.along(fit, state.motion))
     contenders.sort(key=_fitted)
     fits = []
     for i, contender in enumerate(contenders):
