@@ -14,7 +14,7 @@ import scipy.stats
 
 from axistwin.core import Array, Axis, Effect
 from axistwin.diagnose.channels import resolution
-from axistwin.diagnose.effects import Found, Push
+from axistwin.diagnose.effects import Found, LoadChange, Push
 from axistwin.diagnose.intake import Intake
 from axistwin.diagnose.linear import TwoInertias
 from axistwin.diagnose.result import (
@@ -81,7 +81,7 @@ class _Answer:
         else:
             self._final = State(last, self._last.motion).replayed()
         for i, found in enumerate(last.found):
-            if found.kind.moment:
+            if isinstance(found.kind, LoadChange):
                 self._final = _at_best_moment(self._final, i)
 
     def diagnosis(self, intake: Intake) -> Diagnosis:
@@ -125,7 +125,7 @@ class _Answer:
         for i, found in enumerate(self._final.fit.found):
             gain = (_held_out(states[i]) - _held_out(states[i + 1])) / whole
             ci95 = _intervals(found, self._final.spread(i), _factor(self._final))
-            if found.kind.moment:
+            if isinstance(found.kind, LoadChange):
                 ci95["time"] = self._moments(i, ci95["time"])
             kind = found.kind
             findings.append(Finding(kind.effect, kind.location, found.params, ci95, gain))
