@@ -53,7 +53,13 @@ def diagnose(
     Raises NotEnoughDataError when the record cannot answer, InputError when it cannot be right.
     """
     examined = intake.examine(record)
-    cut = windows.cut(record, window)
+    with np.errstate(over="ignore"):  # a trial may run away: it is none then
+        found = _searched(record, windows.cut(record, window), hold, progress)
+        progress("final fit")
+        return answer.of(record, found, examined)
+
+
+def _searched(record: Record, cut: Windows, hold: Hold, progress: Progress) -> search.Search:
     progress("looking for the axis")
     start = _start(record, cut, hold, progress)
     bases = search.begin(Fit(cut, hold, start))
@@ -62,9 +68,7 @@ def diagnose(
         parts = _parts(start, cut)
         cut = windows.cut(record, cut.length // parts * parts * record.time_step)
         bases = search.begin(Fit(cut.split(parts), hold, start))
-    found = search.look(bases, progress, parts)
-    progress("final fit")
-    return answer.of(record, found, examined)
+    return search.look(bases, progress, parts)
 
 
 def _parts(start: TwoInertias, cut: Windows) -> int:

@@ -531,7 +531,7 @@ class Fit:
         return self.misfit(residual) / residual[~self.windows.held_out].size
 
     def misfit(self, residual: Array) -> float:
-        """Sum of squares where the fit may look."""
+        """Sum of squares where the fit may look; infinite where something has run away."""
         return float(np.sum(residual[~self.windows.held_out] ** 2))
 
     def moved(self, step: Array) -> Fit:

@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -107,6 +108,11 @@ _RIGHT = 1.015
 
 #: The same where a simulation of the effects could not bring it nearer.
 _ALL = 1.003
+
+#: Of a record that is not understood, an effect that is named leaves such a part of what was more
+#: than noise, and all that are named such a rest: else any of them may be another one's image.
+_PART_LEFT = 0.5
+_ALL_LEFT = 0.1
 
 #: What a further mode has to explain of what is more than noise.
 _GOOD_PART = 0.3
@@ -798,11 +804,11 @@ def _understood(search: Search) -> Search:
     if len(sure) < len(states) - 1:
         states = _chain(search, sure)
     if states[-1].scale > UNEXPLAINED and states[-1].fit.corner == 0.0:
-        for k in range(1, len(states)):
-            before, after = states[k - 1].scale - 1.0, states[k].scale - 1.0
-            if after > 0.5 * before:
-                states = states[:k]
-                break
+        excess = [state.scale - 1.0 for state in states]
+        less = [after < _PART_LEFT * before for before, after in pairwise(excess)]
+        states = states[: [*less, False].index(False) + 1]
+        if excess[len(states) - 1] > _ALL_LEFT * excess[0]:
+            states = states[:1]
     return Search(tuple(states), search.trials[: len(states)])
 
 
