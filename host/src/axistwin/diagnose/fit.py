@@ -186,28 +186,31 @@ class Fit:
         is a spectrum in proportion to 1 + (corner / frequency)^4, the inverse of a Butterworth
         high-pass of the second order.
         """
-        if self.corner == 0.0:
-            return np.ones(1), np.ones(1)
         rate = 2.0 * np.pi / self.windows.time_step
         b, a = scipy.signal.butter(2, self.corner, "highpass", fs=rate)
         return b, a
 
     def vectors(self, angles: Array) -> Array:
         """Angles (c, w, l), weighted, as vectors (w, c l)."""
-        white = scipy.signal.lfilter(*self.whitening, angles * self.weights, axis=2)
+        white = angles * self.weights
+        if self.corner > 0.0:
+            white = scipy.signal.lfilter(*self.whitening, white, axis=2)
         vectors: Array = white.transpose(1, 0, 2).reshape(angles.shape[1], -1)
         return vectors
 
     def angles(self, vectors: Array) -> Array:
         """The way back."""
-        b, a = self.whitening
-        angles: Array = scipy.signal.lfilter(a, b, self.channels(vectors), axis=2) / self.weights
+        white = self.channels(vectors)
+        if self.corner > 0.0:
+            white = scipy.signal.lfilter(*self.whitening[::-1], white, axis=2)
+        angles: Array = white / self.weights
         return angles
 
     def slopes(self, vectors: Array) -> Array:
         """Inner products of weighted vectors (w, c l) with those of unit angles (c, w, l)."""
-        backwards = self.channels(vectors)[:, :, ::-1]
-        white = scipy.signal.lfilter(*self.whitening, backwards, axis=2)[:, :, ::-1]
+        white = self.channels(vectors)
+        if self.corner > 0.0:
+            white = scipy.signal.lfilter(*self.whitening, white[:, :, ::-1], axis=2)[:, :, ::-1]
         slopes: Array = white * self.weights
         return slopes
 
