@@ -8,6 +8,7 @@ own, and all unknowns are adjusted to that, those states with them.
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,7 +68,7 @@ _LITTLE_FROM_AFAR = 1e-2
 #: this share of them it is not the beginnings that are wrong.
 _OUTLIER = 2.0
 _BEGINNINGS = 2
-_OUTLIERS_MAX = 0.4
+_OUTLIERS_MAX = 0.8
 
 #: Samples that are simulated at least, if a window has so many; and an error of these [noise
 #: squared] from which no way leads to one that is about noise.
@@ -298,11 +299,12 @@ class _Replaying:
         best = point.starts[which], point.residual[which]
         dry = any(isinstance(one.kind, DRY) for one in point.fit.found)
         for starts in (point.starts, rest) if dry else (point.starts,):
-            now = starts[which], self._residual(point, which, starts[which])
-            for part in (8, 2, 1):
-                for _ in range(_BEGINNINGS):
-                    now = self._begun_nearer(point, which, *now, self._horizon // part)
-                best = _better(best, now)
+            with contextlib.suppress(InputError):  # from there it would leave all bounds
+                now = starts[which], self._residual(point, which, starts[which])
+                for part in (8, 2, 1):
+                    for _ in range(_BEGINNINGS):
+                        now = self._begun_nearer(point, which, *now, self._horizon // part)
+                    best = _better(best, now)
         starts = point.starts.copy()
         starts[which] = best[0]
         begun = self._point(point.fit, starts)

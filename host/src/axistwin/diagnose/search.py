@@ -383,9 +383,20 @@ def significant(trial: Trial, state: State) -> bool:
         return False
     if max(trial.t, trial.t_plain) > T_MIN or trial.share > MOST:
         return True
+    if _explained(trial, state.samples):
+        return True
     if scale > _NEARLY_RIGHT or state.fit.corner > 0.0:
         return False
     return trial.total > (CHANCE_MAX if scale < _NOISE else ALONE_MIN) * scale
+
+
+def _explained(trial: Trial, samples: int) -> bool:
+    """Whether of what held-out windows have beyond noise nearly nothing is left."""
+    noise = samples * np.count_nonzero(trial.held_out)
+    before, after = (
+        float(np.sum(errors[trial.held_out])) - noise for errors in (trial.before, trial.after)
+    )
+    return before > ALONE_MIN and after < NEARLY_NONE * before
 
 
 def _normalised(trial: Trial, samples: int) -> bool:
@@ -860,6 +871,9 @@ def _resonating(state: State, besides: State) -> list[State]:
 def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | None:
     """The trials that gain most, each fitted with all the rest; the best of them that holds."""
     good = [trial for trial in trials if significant(trial, state)]
+    if not good:  # fitted in full one of them may be
+        excess = state.fitted * (1.0 - 1.0 / state.scale)
+        good = [trial for trial in trials if trial.gain > MOST * excess > GAIN_MIN]
     contenders = []
     for trial in good[:CONTENDERS]:
         if trial.gain < CONTENDER * good[0].gain:
