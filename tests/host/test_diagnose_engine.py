@@ -226,6 +226,22 @@ def test_what_is_named_is_what_the_machine_had() -> None:
     )
 
 
+def test_what_short_windows_show_is_taken_to_long_ones() -> None:
+    """Friction has the simulation soon do something else; a drift is small and slow."""
+    effects = (
+        Effect("friction_coulomb", "table", {"torque": 0.05}),
+        Effect("stiffness_drift", "shaft", {"rate": 3e-4}),
+    )
+    found = diagnose(record(*effects, torque=shake(8000)))
+    assert [(one.effect, one.location) for one in found.findings] == [
+        (one.effect, one.location) for one in effects
+    ]
+    assert found.findings[0].params["torque"] == pytest.approx(0.05, rel=1e-5)
+    assert found.findings[1].params["rate"] == pytest.approx(3e-4, rel=0.1)
+    assert found.window == pytest.approx(0.5, rel=0.02)
+    assert not found.unexplained
+
+
 def test_one_encoder_is_enough_for_what_acts_at_the_motor() -> None:
     inertia = 1.5e-3
     rigid = record(coulomb("motor"), torque=TORQUE, axis=stiff(inertia, STEP))
