@@ -13,6 +13,7 @@ _Static_assert(sizeof(axt_effects) % sizeof(axt_real) == 0 &&
 #define ONE(member)  AT(member), 1, 0
 #define WAVE(member) AT(member), AXT_EFFECTS_WAVES, sizeof(axt_wave) / sizeof(axt_real)
 
+/* What is new comes last: on the bus a parameter is the number of its entry. */
 static const axt_catalogue_entry entries[] = {
     {"friction_coulomb", "motor", "torque", "N m", 1, 0, ONE(friction[0].coulomb)},
     {"friction_viscous", "motor", "coefficient", "N m s/rad", 1, -1, ONE(friction[0].viscous)},
@@ -58,6 +59,8 @@ static const axt_catalogue_entry entries[] = {
     {"encoder_eccentricity", "encoder2", "phase", "rad", 0, 0, ONE(encoder_eccentricity[1].phase)},
     {"delay", "encoder2", "time", "s", 0, 0, ONE(encoder_delay[1])},
     {"quantisation", "encoder2", "counts", "1", 0, 0, ONE(quantisation[1])},
+    {"friction_asymmetry", "motor", "coefficient", "N m s/rad", 1, -1, ONE(friction[0].asymmetry)},
+    {"friction_asymmetry", "table", "coefficient", "N m s/rad", 1, -1, ONE(friction[1].asymmetry)},
 };
 
 const axt_catalogue_entry *axt_catalogue(uint32_t index) {

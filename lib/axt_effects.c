@@ -17,6 +17,7 @@ static void expect_friction(axt_status *status, const axt_friction *friction) {
     expect(status, friction->coulomb, AXT_R(0), AXT_R(1e6));
     expect(status, friction->viscous, AXT_R(0), AXT_R(1e6));
     expect(status, friction->stribeck, -friction->coulomb, AXT_R(1e6));
+    expect(status, friction->asymmetry, -friction->viscous, friction->viscous);
     expect(status, friction->stribeck_speed, stribeck ? AXT_R(1e-6) : AXT_R(0), AXT_R(1e6));
     expect(status, friction->drift, AXT_R(-1e3), AXT_R(1e3));
 }

@@ -29,6 +29,13 @@ axt_real axt_friction_limit(const axt_friction *friction, axt_real speed) {
     return friction->coulomb + (gone ? AXT_R(0) : friction->stribeck * axt_exp(-square));
 }
 
+axt_real axt_friction_viscous(const axt_friction *friction, axt_real speed) {
+    if (speed > AXT_R(0)) {
+        return friction->viscous + friction->asymmetry;
+    }
+    return (speed < AXT_R(0)) ? friction->viscous - friction->asymmetry : friction->viscous;
+}
+
 axt_friction_step axt_friction_slide(axt_real start, axt_real change, axt_real most) {
     const axt_real way = (start < AXT_R(0)) ? AXT_R(-1) : AXT_R(1);
     const axt_real speed = axt_abs(start);

@@ -1,6 +1,6 @@
 /* axt_friction.h - friction at one point of the axis that truly sticks.
  *
- *     torque = -(coulomb + stribeck exp(-(w / stribeck_speed)^2)) sign(w) - viscous w
+ *     torque = -(coulomb + stribeck exp(-(w / stribeck_speed)^2)) sign(w) - viscous w - asymmetry |w|
  *
  * At speed zero the dry part is whatever holds the inertia, up to its limit. That is no function of
  * the speed, so it is not evaluated but solved for, step by step (Moreau's time-stepping), and no
@@ -18,12 +18,18 @@ typedef struct {
     axt_real stribeck;       /* break-away torque above Coulomb's [N m], -coulomb .. 1e6; below it
                                 when friction only rises to Coulomb's with speed */
     axt_real stribeck_speed; /* [rad/s], 1e-6 .. 1e6 when there is any */
-    axt_real drift;          /* of all three [1/s], -1e3 .. 1e3: (1 + drift t) times, at least 0 */
+    axt_real asymmetry;      /* more viscous forwards, less backwards [N m s/rad], -viscous .. viscous:
+                                so it never drives */
+    axt_real drift;          /* of all four [1/s], -1e3 .. 1e3: (1 + drift t) times, at least 0 */
 } axt_friction;
 
 /* The limit of dry friction [N m] at a speed [rad/s], without drift. Cost: 4 operations, and an
  * exponential and a division for Stribeck's part. */
 axt_real axt_friction_limit(const axt_friction *friction, axt_real speed);
+
+/* Viscous friction [N m s/rad] in the direction of a speed [rad/s], without drift; at speed 0 the
+ * mean of both. Cost: 2 comparisons, an addition. */
+axt_real axt_friction_viscous(const axt_friction *friction, axt_real speed);
 
 /* How the speed changes in a step with dry friction. */
 typedef struct {

@@ -6,7 +6,8 @@
  *     (I1 + h c1 / 2) d1 = h (T1 - c1 w1 - S) + P1
  *     (I2 + h c2 / 2) d2 = h (T2 - c2 w2 + S) + P2        q+ = q + h (v + v+ + k1 - k2) / 2
  *
- * c is viscous friction. k is zero but where dry friction stops an inertia within the step: its
+ * c is viscous friction, one way for the whole step: near a reversal the speed it is wrong for is of
+ * the order of the step, so the impulse is right to the second. k is zero but where dry friction stops an inertia within the step: its
  * speed over time then has a bend, and its mean is not that of both ends (axt_friction.h). S
  * depends on the mean twist speed; linearised where the last sweep has left it (Newton), the k
  * being those of the last sweep, S = S0 + g (d1 - d2) / 2, the two equations are a 2 x 2 system
@@ -334,12 +335,12 @@ static void find_terms(axt_machine *machine, axt_real torque, step_terms *terms)
     for (uint32_t i = 0; i < 2; i++) {
         const axt_friction *friction = &effects->friction[i];
         const axt_real grown = not_negative(AXT_R(1) + friction->drift * time);
-        const axt_real viscous = friction->viscous * grown;
+        /* in the middle of the step, if the speed goes on changing as it does */
+        const axt_real speed = machine->speed[i] + AXT_R(0.5) * machine->speed_change[i];
+        const axt_real viscous = axt_friction_viscous(friction, speed) * grown;
         terms->inertia[i] = inertia[i] + AXT_R(0.5) * h * viscous;
         terms->impulse[i] = h * (acting[i] + effects->torque_offset[i] + disturbance(machine, i) -
                                  viscous * machine->speed[i]);
-        /* in the middle of the step, if the speed goes on changing as it does */
-        const axt_real speed = machine->speed[i] + AXT_R(0.5) * machine->speed_change[i];
         terms->dry[i] = h * grown * axt_friction_limit(friction, speed);
         dry += any(terms->dry[i]);
     }

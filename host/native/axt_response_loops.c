@@ -54,6 +54,7 @@ static void start_later(axt_axis *axis, axt_effects *effects, axt_real time) {
         friction->coulomb *= factor;
         friction->viscous *= factor;
         friction->stribeck *= factor;
+        friction->asymmetry *= factor;
         axt_disturbance *disturbance = &effects->disturbance[i];
         const axt_real phase = disturbance->phase + disturbance->frequency * time;
         disturbance->phase = (axt_real)remainder((double)phase, (double)AXT_TWO_PI);

@@ -428,6 +428,7 @@ CASE(a_free_axis_never_gains_energy) {
             if (random_bits(&seed) % 4 != 0) {
                 effects.friction[i].coulomb = log_uniform(&seed, 1e-5, 1);
                 effects.friction[i].viscous = log_uniform(&seed, 1e-6, 1e-1);
+                effects.friction[i].asymmetry = uniform(&seed, -1, 1) * effects.friction[i].viscous;
             }
             if (bent && random_bits(&seed) % 2 == 0) {
                 effects.friction[i].stribeck = log_uniform(&seed, 1e-4, 1);
@@ -477,6 +478,7 @@ CASE(left_is_the_mirror_image_of_right_bit_for_bit) {
     const axt_effects effects = {
         .friction = {{.coulomb = (axt_real)0.02,
                       .viscous = (axt_real)1e-4,
+                      .asymmetry = (axt_real)6e-5,
                       .stribeck = (axt_real)0.01,
                       .stribeck_speed = 3,
                       .drift = (axt_real)0.1},
@@ -490,7 +492,9 @@ CASE(left_is_the_mirror_image_of_right_bit_for_bit) {
         .torque_saturation = (axt_real)0.5,
         .encoder_delay = {(axt_real)1e-4, (axt_real)2.6e-5}};
     axt_machine right = machine_of(&axt_axis_paper, step_20khz, &effects);
-    axt_machine left = right;
+    axt_effects mirrored = effects;
+    mirrored.friction[0].asymmetry = -effects.friction[0].asymmetry;
+    axt_machine left = machine_of(&axt_axis_paper, step_20khz, &mirrored);
     uint64_t seed = 7;
     axt_real torque = 0;
     for (int n = 0; n < 20000; n++) {
@@ -732,6 +736,7 @@ CASE(parameters_out_of_range_are_refused) {
     const axt_effects wrong[] = {
         {.friction = {{.coulomb = (axt_real)-0.1}}},
         {.friction = {{0}, {.viscous = (axt_real)-0.1}}},
+        {.friction = {{.viscous = (axt_real)0.1, .asymmetry = (axt_real)-0.2}}}, /* would drive */
         {.friction = {{.stribeck = (axt_real)0.1}}}, /* without a speed */
         {.friction = {{.coulomb = (axt_real)0.1, .stribeck = (axt_real)-0.2, .stribeck_speed = 1}}},
         {.disturbance = {{.amplitude = 1, .frequency = 70000}}},

@@ -41,6 +41,7 @@ CASE(each_effect_alone_changes_the_motion) {
         {.friction = {[1] = {.coulomb = (axt_real)0.01}}},
         {.friction = {{.viscous = (axt_real)1e-3}}},
         {.friction = {[1] = {.viscous = (axt_real)1e-3}}},
+        {.friction = {{.viscous = (axt_real)1e-3, .asymmetry = (axt_real)1e-3}}},
         {.friction = {{.stribeck = (axt_real)0.02, .stribeck_speed = 50}}},
         {.torque_offset = {(axt_real)0.01}},
         {.torque_offset = {[1] = (axt_real)0.01}},
@@ -270,6 +271,50 @@ CASE(a_stribeck_effect_slows_down_with_the_speed_in_the_middle_of_the_step) {
     slow_down(-400); /* friction that rises to Coulomb's with speed */
 }
 
+/* ---- Friction that differs by direction ------------------------------------------------------- */
+
+/* Friction and load of both inertias are in proportion to them, so the shaft stays straight and
+ * w' = f - (c + a sign(w)) w: an exponential until it turns round, another one from there. */
+static wide error_of_turn(axt_real time_step, wide start) {
+    const wide f = 1000;
+    const wide c = 50;
+    const wide a = 30;
+    axt_effects effects = {.backlash = 0};
+    const axt_real inertia[2] = {axt_axis_paper.I1, axt_axis_paper.I2};
+    for (int i = 0; i < 2; i++) {
+        effects.friction[i].viscous = (axt_real)c * inertia[i];
+        effects.friction[i].asymmetry = (axt_real)a * inertia[i];
+        effects.torque_offset[i] = (axt_real)f * inertia[i];
+    }
+    axt_machine machine;
+    CHECK_EQUAL(
+        axt_machine_init(&machine, &axt_axis_paper, time_step, AXT_TORQUE_LINEAR, &effects),
+        AXT_OK);
+    axt_motion motion = {.speed = (axt_real)start};
+    CHECK_EQUAL(axt_machine_set(&machine, &motion, 0), AXT_OK);
+    const int steps = (int)(0x1p-6 / (double)time_step);
+    for (int n = 0; n < steps; n++) {
+        CHECK_EQUAL(axt_machine_step(&machine, 0), AXT_OK);
+    }
+    axt_machine_read(&machine, &motion);
+    const wide backwards = f / (c - a);
+    const wide turns = logl(1 - (wide)start / backwards) / (c - a);
+    const wide expected = f / (c + a) * (1 - expl((c + a) * (turns - 0x1p-6L)));
+    return (wide)motion.speed - expected;
+}
+
+CASE(friction_of_a_direction_acts_from_the_reversal_on_to_second_order) {
+    wide errors[2] = {0, 0};
+    uint64_t seed = 6;
+    for (int n = 0; n < 64; n++) {
+        const wide start = (wide)uniform(&seed, -12, -4);
+        errors[0] += powl(error_of_turn((axt_real)0x1p-12, start), 2);
+        errors[1] += powl(error_of_turn((axt_real)0x1p-13, start), 2);
+    }
+    CHECK(errors[0] < 64 * 2e-3L * 2e-3L);
+    CHECK(errors[0] > 3 * 3 * errors[1]);
+}
+
 /* ---- Digits ---------------------------------------------------------------------------------- */
 
 /* At 300 rad/s a speed in float is good to 3e-5 rad/s, and the twist would wander by it. */
@@ -335,6 +380,7 @@ int main(void) {
     RUN(the_count_of_steps_stops_at_its_end);
     RUN(smooth_effects_are_their_equations_by_the_trapezoidal_rule);
     RUN(a_stribeck_effect_slows_down_with_the_speed_in_the_middle_of_the_step);
+    RUN(friction_of_a_direction_acts_from_the_reversal_on_to_second_order);
     RUN(the_twist_follows_its_speed_to_digits_that_the_speed_does_not_have);
     RUN(a_fine_encoder_shows_the_nearest_of_its_counts);
     RUN(half_a_turn_is_read_as_it_was_set);

@@ -56,6 +56,9 @@ SAMPLE_LOSS = "sample_loss"
 #: is then right to 1 part in 300.
 _VIBRATION_STEP_MAX = 0.2
 
+#: What drifts with the friction at a place.
+_FRICTION = ("friction_coulomb", "friction_viscous", "friction_asymmetry", "friction_stribeck")
+
 _AXIS = tuple(entry.name for entry in fields(Axis))
 
 #: Of the parameters of a rotary axis.
@@ -283,7 +286,7 @@ def _later(effect: Effect, time: float, grown: Mapping[tuple[str, str], float]) 
     elif effect.effect in ("friction_drift", "stiffness_drift"):
         now = grown[effect.effect, effect.location]
         params["rate"] = params.get("rate", 0.0) / now if now > 0.0 else 0.0
-    elif effect.effect in ("friction_coulomb", "friction_viscous", "friction_stribeck"):
+    elif effect.effect in _FRICTION:
         now = max(0.0, grown.get(("friction_drift", effect.location), 1.0))
         for name in ("torque", "coefficient"):
             if name in params:

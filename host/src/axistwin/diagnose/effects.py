@@ -196,6 +196,18 @@ class Viscous(Kind):
         return bool(sizes[0] > 0.0)
 
 
+class Asymmetry(Kind):
+    """Viscous friction that is more in one direction than in the other."""
+
+    effect = "friction_asymmetry"
+
+    def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
+        return [_at(self.place, -np.abs(motion.speed[self.place]))]
+
+    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
+        return {"coefficient": float(sizes[0])}
+
+
 @dataclass(frozen=True)
 class Stribeck(Kind):
     """Dry friction on top, of which a higher speed leaves nothing.
@@ -232,7 +244,7 @@ class Stribeck(Kind):
 
 
 #: Friction, which can drift, and what of it holds an axis at rest.
-FRICTION = (Coulomb, Viscous, Stribeck)
+FRICTION = (Coulomb, Viscous, Asymmetry, Stribeck)
 DRY = (Coulomb, Stribeck)
 
 
@@ -614,7 +626,8 @@ def catalogue(channels: int, linear: bool, rises: bool = False) -> list[Kind]:
     """Every kind that a record with so many encoders can show; a ``linear`` scale has no centre."""
     kinds: list[Kind] = []
     for place in range(channels):
-        kinds += [Coulomb(place), Stribeck(place, rises), Disturbance(place), FrictionDrift(place)]
+        kinds += [Coulomb(place), Stribeck(place, rises), Disturbance(place)]
+        kinds += [FrictionDrift(place), Asymmetry(place)]
         if not linear:
             kinds.append(Eccentricity(place))
         if channels == 2:

@@ -17,8 +17,8 @@ import scipy.linalg
 import scipy.signal
 
 from axistwin.core import Array
-from axistwin.diagnose.effects import DRY, FRICTION, ExtraMode, Found, Motion, Push
-from axistwin.diagnose.linear import Linear, Plant, ThreeInertias, Torque, TwoInertias
+from axistwin.diagnose.effects import DRY, FRICTION, ExtraMode, Found, Motion, Push, Viscous
+from axistwin.diagnose.linear import Linear, Plant, Rigid, ThreeInertias, Torque, TwoInertias
 from axistwin.diagnose.windows import Windows, noise_floor
 from axistwin.errors import InputError
 from axistwin.identify.samples import Hold
@@ -536,6 +536,12 @@ class Fit:
     def misfit(self, residual: Array) -> float:
         """Sum of squares where the fit may look; infinite where something has run away."""
         return float(np.sum(residual[~self.windows.held_out] ** 2))
+
+    def viscous(self, place: int) -> float:
+        """The viscous friction at a place [N m s/rad]: that of a rigid plant is its own."""
+        own = self.plant.viscous if isinstance(self.plant, Rigid) else 0.0
+        found = (one for one in self.found if isinstance(one.kind, Viscous))
+        return own + sum(float(one.sizes[0]) for one in found if one.kind.place == place)
 
     def moved(self, step: Array) -> Fit:
         """The model with other unknowns, no parameter of the plant all too far off.

@@ -16,6 +16,8 @@ from axistwin.diagnose import resonance, spectrum
 from axistwin.diagnose.effects import (
     DRY,
     FRICTION,
+    MOTOR,
+    Asymmetry,
     Coulomb,
     Disturbance,
     ExtraMode,
@@ -128,6 +130,10 @@ _REVISIONS = 3
 _CORNERS = 100
 _CORNER_MAX = 0.5
 _TAPER_WIDTH = 4
+
+#: So often the errors are weighted anew, unless the corner is the same but for such a share.
+_WEIGHINGS = 2
+_SAME_CORNER = 0.1
 
 #: What is left has a mean square this many times that of the noise, at least: then there is more.
 UNEXPLAINED = 1.1
@@ -577,6 +583,9 @@ class State:
         for place in {one.kind.place for one in dry}:
             if sum(float(one.sizes[0]) for one in dry if one.kind.place == place) < 0.0:
                 return False  # at rest it would drive
+        asymmetric = [one for one in self.fit.found if isinstance(one.kind, Asymmetry)]
+        if any(abs(one.sizes[0]) > self.fit.viscous(one.kind.place) for one in asymmetric):
+            return False  # in one direction it would
         return all(
             found.plausible and found.kind.possible(self.motion, found.shape)
             for found in self.fit.found
@@ -678,11 +687,25 @@ def look(bases: Sequence[State], progress: Progress, parts: int = 1) -> Search:
     if last.scale < _NEARLY_RIGHT:
         if parts > 1:
             found = _lengthened(found, parts, progress)
-    elif last.corner > 0.0:
-        progress("weighting the errors as those of a torque")
-        weighted = [State(replace(base.fit, corner=last.corner), base.motion) for base in bases]
-        found = _searched(weighted, progress)
+    else:
+        found = _weighted(found, bases, progress)
     return _understood(found)
+
+
+def _weighted(found: Search, bases: Sequence[State], progress: Progress) -> Search:
+    """Searched again with errors weighted as what the last search has left is.
+
+    What is left when little is understood tells that badly, so it is asked again.
+    """
+    corner = 0.0
+    for _ in range(_WEIGHINGS):
+        known, corner = corner, found.states[-1].corner
+        if abs(corner - known) <= _SAME_CORNER * known:
+            break
+        progress("weighting the errors as those of a torque")
+        weighted = [State(replace(base.fit, corner=corner), base.motion) for base in bases]
+        found = _searched(weighted, progress)
+    return found
 
 
 def _searched(bases: Sequence[State], progress: Progress) -> Search:
@@ -836,6 +859,7 @@ def _left(fit: Fit) -> list[Kind]:
     """The kinds that can be added: waves several times, all others once."""
     names = [found.kind.name for found in fit.found]
     frictions = [found.kind.place for found in fit.found if isinstance(found.kind, FRICTION)]
+    viscous = [place for place in range(fit.windows.channels) if fit.viscous(place) > 0.0]
     return [
         kind
         for kind in catalogue(
@@ -845,6 +869,7 @@ def _left(fit: Fit) -> list[Kind]:
         )
         if names.count(kind.name) < (WAVES_MAX if isinstance(kind, SEVERAL) else 1)
         and (not isinstance(kind, FrictionDrift) or kind.place in frictions)
+        and (not isinstance(kind, Asymmetry) or kind.place in viscous)
     ]
 
 
@@ -896,11 +921,21 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
         progress("looking for a further resonance")
         fits += _resonating(state, left)
         best = min(fits, key=_fitted, default=None)
-    if best is not None and isinstance(best.fit.found[-1].kind, Stribeck):
-        # What dry friction of one size does nearly as well is that, so far; it can still fall.
-        dry = Coulomb(best.fit.found[-1].kind.place)
-        for one in fits:
-            enough = NEARLY * (state.fitted - best.fitted)
-            if one.fit.found[-1].kind == dry and state.fitted - one.fitted > enough:
-                return one
+    if best is None:
+        return None
+    simpler = _simpler(best.fit.found[-1].kind)
+    for one in fits:
+        enough = NEARLY * (state.fitted - best.fitted)
+        if one.fit.found[-1].kind == simpler and state.fitted - one.fitted > enough:
+            return one
     return best
+
+
+def _simpler(kind: Kind) -> Kind | None:
+    """What comes first if it does nearly as well; the rest can still be added to it.
+
+    Dry friction of one size can still fall with speed, a load can still be more with speed.
+    """
+    if isinstance(kind, Stribeck):
+        return Coulomb(kind.place)
+    return Offset(MOTOR) if isinstance(kind, Asymmetry) else None

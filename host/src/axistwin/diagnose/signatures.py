@@ -284,6 +284,7 @@ def _in_frequency(case: _Case) -> list[Panel]:
 _SIGNATURES: Mapping[str, Callable[[_Case], list[Panel]]] = {
     "friction_coulomb": _against(_speed),
     "friction_viscous": _against(_speed),
+    "friction_asymmetry": _against(_speed),
     "friction_stribeck": _against(_speed),
     "friction_drift": _growing("friction", ("N m", "N"), _against_motion),
     "torque_offset": _against(_time),

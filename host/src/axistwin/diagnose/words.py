@@ -14,6 +14,7 @@ from axistwin.model import parameter_unit
 _EFFECTS = {
     "friction_coulomb": "dry friction",
     "friction_viscous": "viscous friction",
+    "friction_asymmetry": "friction that differs by direction",
     "friction_stribeck": "break-away friction (Stribeck)",
     "friction_drift": "a drift of the friction",
     "torque_offset": "a constant torque",
@@ -335,6 +336,9 @@ _STEPS = {
     "and check preload and alignment {place}, if it was less when new.",
     "friction_viscous": "Compensate: feed {coefficient} times the speed forward. Change the "
     "lubricant {place} if it was less when new.",
+    "friction_asymmetry": "Compensate: feed {coefficient} times the speed forward on top of the "
+    "viscous friction when it is positive, as much less when it is negative. Look for what drags "
+    "in one direction {place}: a seal, a brush, a cable, the preload of the nut.",
     "friction_stribeck": "Lubricate {place}: it takes {torque} more to break away than to keep "
     "moving, which makes the axis stick and slip below {speed}.",
     "friction_drift": "Warm up before tuning: the friction {place} changes by {rate}. Lubricate it "
