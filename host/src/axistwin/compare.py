@@ -3,10 +3,14 @@
 An axis drifts away from any simulation in the end, because its angle is the torque integrated
 twice. So a record is cut into windows, and at the start of each the state - angle, speed, twist,
 its speed and the zero of the table encoder - is adjusted to what was measured in the window.
+
+The other way round there is nothing to drift: the torque that the model needs for the measured
+motion against the one that acted (inverse.py), over the whole record, in a band of frequencies.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -14,8 +18,10 @@ from typing import Any
 import numpy as np
 import scipy.optimize
 
+from axistwin import inverse
 from axistwin.core import Array, State
 from axistwin.errors import InputError, NotEnoughDataError
+from axistwin.identify.band import Band
 from axistwin.identify.samples import Hold, Samples, longest_stretch
 from axistwin.model import Model
 from axistwin.record import Record
@@ -43,7 +49,8 @@ class ChannelError:
     """How far a simulated channel is from the measured one, over all windows.
 
     ``rms`` of the difference in ``unit``; ``relative`` to the rms of the measured channel about its
-    mean in each window; ``worst`` is where the window with the largest rms begins [s].
+    mean in each window, a torque to its rms; ``worst`` is where the window with the largest rms
+    begins [s]. A torque is compared ``below`` a frequency [Hz].
     """
 
     name: str
@@ -51,15 +58,17 @@ class ChannelError:
     rms: float
     relative: float
     worst: float
+    below: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """As JSON holds it."""
-        return {
+        entry = {
             "unit": self.unit,
             "rms": self.rms,
             "relative": self.relative,
             "worst_window_at_s": self.worst,
         }
+        return entry if self.below is None else {**entry, "below_hz": self.below}
 
 
 def compare(
@@ -68,12 +77,14 @@ def compare(
     *,
     window: float = 0.5,
     hold: Hold = "zoh",
+    bandwidth: float | None = None,
     progress: Progress = _silent,
 ) -> tuple[ChannelError, ...]:
     """The errors of theta1, and with two encoders of theta2 and the twist, over windows [s].
 
-    Raises InputError for a window or a model that does not fit the record, NotEnoughDataError when
-    the record is shorter than the shortest window.
+    Then that of the torque for motion up to ``bandwidth`` [Hz], as Band.of() has it; not of a
+    record too short for it. Raises InputError for a window, a bandwidth or a model that does not
+    fit the record, NotEnoughDataError when the record is shorter than the shortest window.
     """
     if model.linear != record.linear:
         kinds = {False: "rotary", True: "linear"}
@@ -93,7 +104,29 @@ def compare(
         part = _Window(model, samples, start, length, hold)
         measured.append(part.measured)
         simulated.append(part.simulated())
-    return _errors(np.array(measured), np.array(simulated), samples, length)
+    errors = _errors(np.array(measured), np.array(simulated), samples, length)
+    with contextlib.suppress(NotEnoughDataError):
+        band = Band.of(samples, bandwidth)
+        errors += (torque_error(model, samples, band, hold, length * samples.time_step),)
+    return errors
+
+
+def torque_error(
+    model: Model, samples: Samples, band: Band, hold: Hold = "zoh", window: float = 0.5
+) -> ChannelError:
+    """How far the torque needed is from the one that acted, below the highest of the band."""
+    found = inverse.torque(model, samples, band, hold)
+    part = (found.time / window).astype(np.int64)
+    squares = np.bincount(part, found.residual**2) / np.maximum(np.bincount(part), 1)
+    size = float(np.sqrt(np.mean(found.measured**2)))
+    return ChannelError(
+        found.name,
+        found.unit,
+        found.rms,
+        found.rms / size if size > 0.0 else np.inf,
+        float(np.argmax(squares)) * window,
+        band.highest,
+    )
 
 
 class _Window:

@@ -21,6 +21,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="simulate this long from each state that is taken from the record (default: 0.5)",
     )
+    parser.add_argument(
+        "--bandwidth",
+        type=float,
+        metavar="HZ",
+        help="of the fastest motion whose torque is compared (default: a fiftieth of the rate)",
+    )
     model.add_hold_argument(parser)
     parser.add_argument("--json", metavar="FILE", help="write the result here (-: standard output)")
 
@@ -38,7 +44,12 @@ def run(arguments: argparse.Namespace) -> int:
     axis = model.read(arguments.model)
     record = readers.read(arguments)
     errors = compare.compare(
-        axis, record, window=arguments.window, hold=arguments.hold, progress=progress
+        axis,
+        record,
+        window=arguments.window,
+        hold=arguments.hold,
+        bandwidth=arguments.bandwidth,
+        progress=progress,
     )
     terminal.clear()
     lines = [f"{'channel':<8}{'rms error':>14}      {'of its size':>12}   worst at"]
@@ -47,6 +58,12 @@ def run(arguments: argparse.Namespace) -> int:
             f"{error.name:<8}{error.rms:>14.4g} {error.unit:<4}{100.0 * error.relative:>12.4g} %"
             f"   {error.worst:.4g} s"
         )
+    for error in errors:
+        if error.below is not None:
+            lines.append(
+                f"{error.name}: that needed to move as measured against that applied, "
+                f"below {error.below:.4g} Hz"
+            )
     text = "\n".join(lines)
     if arguments.json == "-":
         terminal.note(text)

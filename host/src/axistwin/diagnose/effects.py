@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 import scipy.interpolate
 
 from axistwin import core
-from axistwin.core import Array
+from axistwin.core import Array, Effect
 from axistwin.diagnose.linear import Plant, TwoInertias
 
 Shape = tuple[float, ...]
@@ -33,6 +34,9 @@ _NO_RESONANCE = 0.15
 #: so many parts.
 _FINE = 0.25
 _PARTS = 32
+
+#: The shape of a wave that there is once a turn.
+_ONCE: Shape = (1.0,)
 
 #: Places of a torque, and channels.
 MOTOR, TABLE = 0, 1
@@ -120,14 +124,21 @@ class Kind:
     place: int = MOTOR
 
     effect = ""
-    #: Sizes that act in proportion; with none, the shape alone says what is added.
-    sizes = 1
+    #: What the catalogue calls the sizes, which act in proportion, and the numbers of the shape.
+    #: Without sizes, the shape alone says what is added.
+    size_names: ClassVar[tuple[str, ...]] = ()
+    shape_names: ClassVar[tuple[str, ...]] = ()
     #: Whether the numbers of the shape can be adjusted continuously, and the relative step of the
     #: differences that do.
     adjustable = True
     difference = 1e-4
     #: Whether it begins, or all of it happens, at a moment that may be in a window held out.
     moment = False
+
+    @property
+    def sizes(self) -> int:
+        """How many there are."""
+        return len(self.size_names)
 
     @property
     def location(self) -> str:
@@ -152,7 +163,14 @@ class Kind:
 
     def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
         """The parameters as the catalogue names them."""
-        raise NotImplementedError
+        values = (*sizes.tolist(), *shape)
+        return dict(zip((*self.size_names, *self.shape_names), values, strict=True))
+
+    def found(self, params: Mapping[str, float]) -> Found:
+        """The effect that has these parameters; one that is left out is 0."""
+        sizes = [params.get(name, 0.0) for name in self.size_names]
+        shape = tuple(params.get(name, 0.0) for name in self.shape_names)
+        return Found(self, np.array(sizes), shape)
 
     def plausible(self, sizes: Array, shape: Shape) -> bool:
         """Whether there can be such an effect."""
@@ -170,12 +188,10 @@ class Coulomb(Kind):
     """Dry friction against the motion; at standstill what holds the load, up to its size."""
 
     effect = "friction_coulomb"
+    size_names = ("torque",)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
         return [_at(self.place, -_dry(motion, self.place, np.ones_like, np.inf))]
-
-    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
-        return {"torque": float(sizes[0])}
 
     def plausible(self, sizes: Array, shape: Shape) -> bool:
         return bool(sizes[0] > 0.0)
@@ -185,12 +201,10 @@ class Viscous(Kind):
     """Friction in proportion to speed."""
 
     effect = "friction_viscous"
+    size_names = ("coefficient",)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
         return [_at(self.place, -motion.speed[self.place])]
-
-    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
-        return {"coefficient": float(sizes[0])}
 
     def plausible(self, sizes: Array, shape: Shape) -> bool:
         return bool(sizes[0] > 0.0)
@@ -200,12 +214,10 @@ class Asymmetry(Kind):
     """Viscous friction that is more in one direction than in the other."""
 
     effect = "friction_asymmetry"
+    size_names = ("coefficient",)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
         return [_at(self.place, -np.abs(motion.speed[self.place]))]
-
-    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
-        return {"coefficient": float(sizes[0])}
 
 
 @dataclass(frozen=True)
@@ -219,6 +231,8 @@ class Stribeck(Kind):
     rises: bool = False
 
     effect = "friction_stribeck"
+    size_names = ("torque",)
+    shape_names = ("speed",)
 
     def shapes(self, motion: Motion) -> Sequence[Shape]:
         typical = float(np.sqrt(np.mean(motion.speed[self.place] ** 2)))
@@ -252,24 +266,20 @@ class FrictionDrift(Kind):
     """The friction that has been found, growing with time."""
 
     effect = "friction_drift"
+    size_names = ("rate",)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
         return [_at(self.place, motion.time * motion.friction[self.place])]
-
-    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
-        return {"rate": float(sizes[0])}
 
 
 class Offset(Kind):
     """A constant torque."""
 
     effect = "torque_offset"
+    size_names = ("torque",)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
         return [_at(self.place, np.ones_like(motion.time))]
-
-    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
-        return {"torque": float(sizes[0])}
 
 
 def _dry(motion: Motion, place: int, share: Callable[[Array], Array], width: float) -> Array:
@@ -312,10 +322,10 @@ def _dry(motion: Motion, place: int, share: Callable[[Array], Array], width: flo
 
 
 class Wave(Kind):
-    """A sine of some phase; ``periods`` is the name of how many there are, unless there is one."""
+    """A sine of some phase, so many times a turn."""
 
-    sizes = 2
-    periods = "periods"
+    size_names = ("sine", "cosine")
+    shape_names = ("periods",)
 
     def argument(self, motion: Motion) -> Array:
         """What it is periodic in, a turn being 2 pi, (w, l)."""
@@ -335,11 +345,17 @@ class Wave(Kind):
         return [self.push(np.sin(argument)), self.push(np.cos(argument))]
 
     def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
-        found = {
+        return {
             "amplitude": float(np.hypot(*sizes)),
             "phase": float(np.arctan2(sizes[1], sizes[0])),
+            **dict(zip(self.shape_names, shape, strict=False)),
         }
-        return found if self.periods == "" else {**found, self.periods: shape[0]}
+
+    def found(self, params: Mapping[str, float]) -> Found:
+        amplitude, phase = params.get("amplitude", 0.0), params.get("phase", 0.0)
+        shape = tuple(params.get(name, 0.0) for name in self.shape_names)
+        sizes = amplitude * np.array([np.cos(phase), np.sin(phase)])
+        return Found(self, sizes, shape or _ONCE)
 
 
 class Ripple(Wave):
@@ -353,7 +369,7 @@ class Disturbance(Wave):
     """A torque that repeats with time [s]; its frequency in rad/s."""
 
     effect = "disturbance"
-    periods = "frequency"
+    shape_names = ("frequency",)
     difference = 1e-8  # in a minute even that turns it visibly
 
     def argument(self, motion: Motion) -> Array:
@@ -374,7 +390,7 @@ class Eccentricity(Wave):
     """An encoder mounted off its centre: wrong once a turn."""
 
     effect = "encoder_eccentricity"
-    periods = ""
+    shape_names = ()
     adjustable = False
 
     @property
@@ -382,7 +398,7 @@ class Eccentricity(Wave):
         return f"encoder{self.place + 1}"
 
     def shapes(self, motion: Motion) -> Sequence[Shape]:
-        return [(1.0,)]
+        return [_ONCE]
 
     def push(self, values: Array) -> Push:
         return _reads(self.place, values)
@@ -403,31 +419,27 @@ class Hardening(Shaft):
     """A shaft that gets stiffer with the cube of its twist."""
 
     effect = "stiffness_hardening"
+    size_names = ("coefficient",)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
         return [_between(motion.twist**3)]
-
-    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
-        return {"coefficient": float(sizes[0])}
 
 
 class StiffnessDrift(Shaft):
     """A stiffness that changes in proportion to time."""
 
     effect = "stiffness_drift"
+    size_names = ("rate",)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
         return [_between(_axis(plant).K * motion.time * motion.twist)]
-
-    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
-        return {"rate": float(sizes[0])}
 
 
 class Backlash(Shaft):
     """The shaft lets go within the gap: what the linear shaft would carry there is taken back."""
 
     effect = "backlash"
-    sizes = 0
+    shape_names = ("gap",)
 
     def shapes(self, motion: Motion) -> Sequence[Shape]:
         reach = 2.0 * float(np.quantile(np.abs(motion.twist), 0.95))
@@ -438,9 +450,6 @@ class Backlash(Shaft):
         taken = axis.K * np.clip(motion.twist, -half, half)
         loose = np.abs(motion.twist) < half
         return [_between(-taken - axis.B * loose * motion.twist_speed)]
-
-    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
-        return {"gap": float(shape[0])}
 
     def possible(self, motion: Motion, shape: Shape) -> bool:
         """A gap that the twist never fills would hide the shaft."""
@@ -465,6 +474,8 @@ class LoadChange(Kind):
     """Part of the torque that moves the table is used up by what was added."""
 
     effect = "load_change"
+    size_names = ("ratio",)
+    shape_names = ("time",)
     moment = True
 
     def shapes(self, motion: Motion) -> Sequence[Shape]:
@@ -480,9 +491,6 @@ class LoadChange(Kind):
         after = np.clip((motion.time - shape[0]) / motion.time_step + 0.5, 0.0, 1.0)
         return [Push(table=-_axis(plant).I2 * motion.acceleration[TABLE] * after)]
 
-    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
-        return {"ratio": float(sizes[0]), "time": shape[0]}
-
     def plausible(self, sizes: Array, shape: Shape) -> bool:
         return bool(sizes[0] > -1.0)
 
@@ -496,6 +504,8 @@ class ExtraMode(Kind):
     """A further inertia on a spring on the table: answers the table's acceleration."""
 
     effect = "extra_mode"
+    size_names = ("mass_ratio",)
+    shape_names = ("frequency", "damping_ratio")
 
     def shapes(self, motion: Motion) -> Sequence[Shape]:
         duration = float(motion.time[0, -1] - motion.time[0, 0])
@@ -515,13 +525,6 @@ class ExtraMode(Kind):
         carried = law[0] * closing + law[1] * behind
         return [Push(table=_axis(plant).I2 * carried.reshape(driven.shape))]
 
-    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
-        return {
-            "frequency": shape[0],
-            "damping_ratio": shape[1],
-            "mass_ratio": float(sizes[0]),
-        }
-
     def plausible(self, sizes: Array, shape: Shape) -> bool:
         return bool(sizes[0] > 0.0 and shape[0] > 0.0 and 0.0 <= shape[1] < _NO_RESONANCE)
 
@@ -533,7 +536,7 @@ class TorqueDelay(Kind):
     """A command that acts later than the record has it."""
 
     effect = "delay"
-    sizes = 0
+    shape_names = ("time",)
 
     @property
     def location(self) -> str:
@@ -551,9 +554,6 @@ class TorqueDelay(Kind):
         late = part * (older - newer)
         lines = np.stack([(4.0 - 3.0 * part) * late, (3.0 * part - 2.0) * late])
         return [Push(command=newer - motion.command() + lines)]
-
-    def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
-        return {"time": shape[0]}
 
     def plausible(self, sizes: Array, shape: Shape) -> bool:
         return shape[0] > 0.0
@@ -594,7 +594,7 @@ class Saturation(Kind):
     """A drive that gives less torque than it is told, beyond a limit."""
 
     effect = "torque_saturation"
-    sizes = 0
+    shape_names = ("limit",)
     moment = True
 
     def shapes(self, motion: Motion) -> Sequence[Shape]:
@@ -638,6 +638,14 @@ def catalogue(channels: int, linear: bool, rises: bool = False) -> list[Kind]:
         kinds += [Hardening(), StiffnessDrift(), Backlash(), LeadError(TABLE)]
         kinds += [LoadChange(TABLE), ExtraMode(TABLE)]
     return kinds
+
+
+def of(effect: Effect) -> Found | None:
+    """An effect of a model; None for one that is of the record and no motion shows."""
+    for kind in (*catalogue(2, linear=False), Offset(TABLE)):
+        if (kind.effect, kind.location) == (effect.effect, effect.location):
+            return kind.found(effect.params)
+    return None
 
 
 @dataclass(frozen=True)
