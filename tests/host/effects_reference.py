@@ -26,13 +26,14 @@ def _nothing(*_: float) -> float:
 
 @dataclass(frozen=True)
 class Friction:
-    """Dry and viscous friction of one inertia."""
+    """Dry and viscous friction of one inertia, viscous more so in the positive direction."""
 
     coulomb: float = 0.0
     viscous: float = 0.0
     stribeck: float = 0.0
     speed: float = 1.0
     drift: float = 0.0
+    asymmetry: float = 0.0
 
     def limit(self, w: float, t: float) -> float:
         """What dry friction can hold or does hold against motion at speed w."""
@@ -41,7 +42,7 @@ class Friction:
 
     def drag(self, w: float, t: float) -> float:
         """Viscous friction."""
-        return self.viscous * w * (1.0 + self.drift * t)
+        return (self.viscous * w + self.asymmetry * abs(w)) * (1.0 + self.drift * t)
 
 
 @dataclass(frozen=True)

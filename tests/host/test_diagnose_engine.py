@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from axistwin.core import Effect
 from axistwin.diagnose import diagnose, windows
 from axistwin.diagnose.answer import stiff
-from axistwin.diagnose.effects import Coulomb, Found, Kind, TorqueDelay, catalogue
+from axistwin.diagnose.effects import Found, Kind, TorqueDelay, catalogue, of
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Plant, Rigid, Torque, TwoInertias
 from axistwin.diagnose.search import State, Trials
@@ -40,6 +40,7 @@ CASES = [
         for effect in (
             coulomb(place),
             Effect("friction_viscous", place, {"coefficient": 1e-3}),
+            Effect("friction_asymmetry", place, {"coefficient": -8e-4}),
             Effect("friction_stribeck", place, {"torque": 0.03, "speed": 2.0}),
             Effect("friction_drift", place, {"rate": 0.05}),
             Effect("disturbance", place, {"amplitude": 0.01, "frequency": 61.0, "phase": 0.7}),
@@ -73,16 +74,14 @@ def kinds(effect: Effect) -> list[Kind]:
 
 def beside(effect: Effect) -> tuple[Effect, ...]:
     """What has to be there for an effect to act on."""
+    if effect.effect == "friction_asymmetry":
+        return (Effect("friction_viscous", effect.location, {"coefficient": 2e-3}),)
     return (coulomb(effect.location),) if effect.effect == "friction_drift" else ()
 
 
-def known(effects: Sequence[Effect]) -> tuple[Found, ...]:
-    """Friction as if it had been found."""
-    places = ("motor", "table")
-    return tuple(
-        Found(Coulomb(places.index(one.location)), np.array([one.params["torque"]]), ())
-        for one in effects
-    )
+def known(*effects: Effect) -> tuple[Found, ...]:
+    """Effects as if they had been found."""
+    return tuple(one for one in map(of, effects) if one is not None)
 
 
 def test_every_kind_is_compared() -> None:
@@ -92,11 +91,22 @@ def test_every_kind_is_compared() -> None:
 
 
 @pytest.mark.parametrize("effect", CASES, ids=name)
+def test_an_effect_is_known_by_its_parameters(effect: Effect) -> None:
+    (found,) = known(effect)
+    assert (found.kind.effect, found.kind.location) == (effect.effect, effect.location)
+    assert dict(found.params) == pytest.approx(effect.params)
+
+
+def test_what_is_of_the_record_is_no_effect_along_a_motion() -> None:
+    assert known(Effect("sample_loss", "record", {"fraction": 0.1})) == ()
+
+
+@pytest.mark.parametrize("effect", CASES, ids=name)
 def test_the_machine_and_the_engine_have_the_same_physics(effect: Effect) -> None:
     """From the true axis, so that only the effect is unknown; then with the axis unknown too."""
     others = beside(effect)
     cut = windows.cut(record(*others, effect, torque=TORQUE), 0.25)
-    fit = Fit(cut, "zoh", TwoInertias(AXIS), found=known(others))
+    fit = Fit(cut, "zoh", TwoInertias(AXIS), found=known(*others))
     fit = fit.with_noise(fit.motion(None))
     before = State(fit, fit.motion(fit.motion(None)))
     best = Trials(before).run(kinds(effect), lambda _: None)[0].found

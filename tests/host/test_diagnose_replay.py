@@ -42,6 +42,11 @@ def states(motion: Motion, at: npt.NDArray[np.int64]) -> Array:
     [
         [Effect("friction_viscous", "table", {"coefficient": 1e-3})],
         [
+            Effect("friction_viscous", "motor", {"coefficient": 1e-3}),
+            Effect("friction_asymmetry", "motor", {"coefficient": -6e-4}),
+            Effect("friction_drift", "motor", {"rate": 0.7}),
+        ],
+        [
             Effect("friction_coulomb", "motor", {"torque": 0.01}),
             Effect("friction_drift", "motor", {"rate": 0.7}),
         ],

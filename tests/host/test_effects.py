@@ -103,6 +103,28 @@ CASES: dict[str, tuple[list[Effect], dict[str, Any], float, float]] = {
         5e-4,
         4e-3,
     ),
+    "friction of a direction": (
+        [
+            dry(0.02, "table"),
+            Effect("friction_viscous", "table", {"coefficient": 3e-3}),
+            Effect("friction_asymmetry", "table", {"coefficient": -2e-3}),
+            Effect("friction_viscous", "motor", {"coefficient": 2e-3}),
+            Effect("friction_asymmetry", "motor", {"coefficient": 1.5e-3}),
+        ],
+        {"friction": (Friction(0.0, 2e-3, asymmetry=1.5e-3), Friction(0.02, 3e-3, asymmetry=-2e-3))},
+        5e-4,
+        2e-3,
+    ),
+    "friction of a direction that grows": (
+        [
+            Effect("friction_viscous", "table", {"coefficient": 3e-3}),
+            Effect("friction_asymmetry", "table", {"coefficient": 2e-3}),
+            Effect("friction_drift", "table", {"rate": 0.4}),
+        ],
+        {"friction": (Friction(), Friction(0.0, 3e-3, drift=0.4, asymmetry=2e-3))},
+        5e-4,
+        2e-3,
+    ),
     "friction that grows": (
         [dry(0.05, "motor"), Effect("friction_drift", "motor", {"rate": 0.4})],
         {"friction": (Friction(0.05, drift=0.4), Friction())},
@@ -195,6 +217,7 @@ def test_an_effect_moves_the_axis_as_scipy_says(case: str) -> None:
         "reversals at the motor",
         "reversals at the table",
         "all of friction",
+        "friction of a direction",
         "hardening",
         "a further mode",
         "ripple",
@@ -333,6 +356,7 @@ def test_the_catalogue_has_the_published_names() -> None:
     assert places == {
         "friction_coulomb": {"motor", "table"},
         "friction_viscous": {"motor", "table"},
+        "friction_asymmetry": {"motor", "table"},
         "friction_stribeck": {"motor", "table"},
         "torque_offset": {"motor", "table"},
         "backlash": {"shaft"},
@@ -364,6 +388,7 @@ def test_the_catalogue_has_the_published_names() -> None:
         ([dry(-0.1, "table")], "out of range"),
         ([dry(np.nan, "table")], "not finite"),
         ([stribeck(0.1, 0.0, "motor")], "out of range"),
+        ([Effect("friction_asymmetry", "motor", {"coefficient": 1e-3})], "out of range"),
         ([Effect("delay", "torque", {"time": 1.0})], "out of range"),
     ],
 )

@@ -145,6 +145,7 @@ def test_a_model_of_later_goes_on_where_the_first_part_ends(moment: float) -> No
         (
             Effect("friction_coulomb", "table", {"torque": 0.02}),
             Effect("friction_viscous", "table", {"coefficient": 2e-4}),
+            Effect("friction_asymmetry", "table", {"coefficient": 1e-4}),
             Effect("friction_drift", "table", {"rate": 0.8}),
             Effect("stiffness_drift", "shaft", {"rate": -0.5}),
             Effect("load_change", "table", {"ratio": 1.0, "time": 0.3}),

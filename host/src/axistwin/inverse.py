@@ -22,8 +22,8 @@ from axistwin.identify.result import Comparison, unit
 from axistwin.identify.samples import Hold, Samples
 from axistwin.model import Model
 
-#: A speed below this many times its noise may be none.
-_KNOWN_SIGN = 2.0
+#: A speed below this many times its noise may be none, and hardly ever is that noise beyond it.
+_KNOWN_SIGN = 4.0
 
 
 def torque(model: Model, samples: Samples, band: Band, hold: Hold = "zoh") -> Comparison:
