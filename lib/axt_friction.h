@@ -1,6 +1,7 @@
 /* axt_friction.h - friction at one point of the axis that truly sticks.
  *
- *     torque = -(coulomb + stribeck exp(-(w / stribeck_speed)^2)) sign(w) - viscous w - asymmetry |w|
+ *     torque = -(coulomb + stribeck exp(-(w / stribeck_speed)^2)) sign(w)
+ *              - viscous w - asymmetry |w|
  *
  * At speed zero the dry part is whatever holds the inertia, up to its limit. That is no function of
  * the speed, so it is not evaluated but solved for, step by step (Moreau's time-stepping), and no
@@ -18,8 +19,8 @@ typedef struct {
     axt_real stribeck;       /* break-away torque above Coulomb's [N m], -coulomb .. 1e6; below it
                                 when friction only rises to Coulomb's with speed */
     axt_real stribeck_speed; /* [rad/s], 1e-6 .. 1e6 when there is any */
-    axt_real asymmetry;      /* more viscous forwards, less backwards [N m s/rad], -viscous .. viscous:
-                                so it never drives */
+    axt_real asymmetry;      /* more viscous friction forwards, less backwards [N m s/rad],
+                                -viscous .. viscous: beyond that it would drive */
     axt_real drift;          /* of all four [1/s], -1e3 .. 1e3: (1 + drift t) times, at least 0 */
 } axt_friction;
 

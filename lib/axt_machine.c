@@ -6,8 +6,7 @@
  *     (I1 + h c1 / 2) d1 = h (T1 - c1 w1 - S) + P1
  *     (I2 + h c2 / 2) d2 = h (T2 - c2 w2 + S) + P2        q+ = q + h (v + v+ + k1 - k2) / 2
  *
- * c is viscous friction, one way for the whole step: near a reversal the speed it is wrong for is of
- * the order of the step, so the impulse is right to the second. k is zero but where dry friction stops an inertia within the step: its
+ * c is viscous friction. k is zero but where dry friction stops an inertia within the step: its
  * speed over time then has a bend, and its mean is not that of both ends (axt_friction.h). S
  * depends on the mean twist speed; linearised where the last sweep has left it (Newton), the k
  * being those of the last sweep, S = S0 + g (d1 - d2) / 2, the two equations are a 2 x 2 system
@@ -15,6 +14,9 @@
  *
  *     [a + G   -G ]^-1                      [b + G    G  ]
  *     [ -G   b + G]     =  1 / (ab + (a+b)G)[  G    a + G]
+ *
+ * Where viscous friction differs by direction, c is that of the middle of the step as the last step
+ * suggests it. In a step that reverses the speed is small, and the error of second order.
  *
  * The impulses P1, P2 of dry friction are solved for one after the other (Gauss-Seidel), each
  * exactly. What one alters changes against what the other does to its speed and by no more

@@ -42,11 +42,13 @@ int speed_plant(const float *torque, uint32_t length, uint32_t samples) {
 static const axt_effects everything = {
     .friction = {{.coulomb = 0.01F,
                   .viscous = 1e-4F,
+                  .asymmetry = 5e-5F,
                   .stribeck = 5e-3F,
                   .stribeck_speed = 2.0F,
                   .drift = 0.01F},
                  {.coulomb = 0.01F,
                   .viscous = 1e-4F,
+                  .asymmetry = 5e-5F,
                   .stribeck = 5e-3F,
                   .stribeck_speed = 2.0F,
                   .drift = 0.01F}},

@@ -6,7 +6,6 @@ the engine finds the parameters that the machine was given, both have the same p
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np

@@ -111,7 +111,12 @@ CASES: dict[str, tuple[list[Effect], dict[str, Any], float, float]] = {
             Effect("friction_viscous", "motor", {"coefficient": 2e-3}),
             Effect("friction_asymmetry", "motor", {"coefficient": 1.5e-3}),
         ],
-        {"friction": (Friction(0.0, 2e-3, asymmetry=1.5e-3), Friction(0.02, 3e-3, asymmetry=-2e-3))},
+        {
+            "friction": (
+                Friction(0.0, 2e-3, asymmetry=1.5e-3),
+                Friction(0.02, 3e-3, asymmetry=-2e-3),
+            )
+        },
         5e-4,
         2e-3,
     ),

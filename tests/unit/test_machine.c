@@ -271,7 +271,7 @@ CASE(a_stribeck_effect_slows_down_with_the_speed_in_the_middle_of_the_step) {
     slow_down(-400); /* friction that rises to Coulomb's with speed */
 }
 
-/* ---- Friction that differs by direction ------------------------------------------------------- */
+/* ---- Friction that differs by direction ------------------------------------------------------ */
 
 /* Friction and load of both inertias are in proportion to them, so the shaft stays straight and
  * w' = f - (c + a sign(w)) w: an exponential until it turns round, another one from there. */
@@ -287,9 +287,8 @@ static wide error_of_turn(axt_real time_step, wide start) {
         effects.torque_offset[i] = (axt_real)f * inertia[i];
     }
     axt_machine machine;
-    CHECK_EQUAL(
-        axt_machine_init(&machine, &axt_axis_paper, time_step, AXT_TORQUE_LINEAR, &effects),
-        AXT_OK);
+    CHECK_EQUAL(axt_machine_init(&machine, &axt_axis_paper, time_step, AXT_TORQUE_LINEAR, &effects),
+                AXT_OK);
     axt_motion motion = {.speed = (axt_real)start};
     CHECK_EQUAL(axt_machine_set(&machine, &motion, 0), AXT_OK);
     const int steps = (int)(0x1p-6 / (double)time_step);

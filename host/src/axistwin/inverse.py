@@ -56,9 +56,7 @@ def torque(model: Model, samples: Samples, band: Band, hold: Hold = "zoh") -> Co
 
 def _motion(model: Model, found: Sequence[Found], samples: Samples, band: Band) -> Motion:
     """The measured motion of motor and table, in one window as long as the record."""
-    angle = np.stack(
-        [samples.theta1, samples.theta1 if samples.theta2 is None else samples.theta2]
-    )
+    angle = np.stack([samples.theta1, samples.theta1 if samples.theta2 is None else samples.theta2])
     nothing = np.zeros((2, 1, samples.count))
     time = samples.begin + samples.time_step * np.arange(samples.count, dtype=np.float64)
     grip = nothing.copy()
@@ -95,7 +93,7 @@ def _motion(model: Model, found: Sequence[Found], samples: Samples, band: Band) 
 
 def _turned(model: Model, found: Sequence[Found], motion: Motion) -> Array:
     """Angles (2, n) without the errors of the encoders, which are small, and their delays."""
-    angle = motion.angle[:, 0].copy()
+    angle: Array = motion.angle[:, 0].copy()
     plant, time = TwoInertias(model.axis), motion.time[0]
     for one in found:
         if not isinstance(one.kind, EncoderDelay):
@@ -121,8 +119,9 @@ def _acted(pushes: Sequence[Push], command: Array, hold: Hold) -> Array:
             first += push.command[0, 0]
             last += push.command[1, 0]
     if hold != "zoh":
-        return 0.5 * (first + last)
-    acted = (2.0 * first + last) / 6.0
+        straight: Array = 0.5 * (first + last)
+        return straight
+    acted: Array = (2.0 * first + last) / 6.0
     acted[1:] += (first + 2.0 * last)[:-1] / 6.0
     acted[0] *= 2.0  # it was the same before
     return acted

@@ -325,7 +325,7 @@ class Wave(Kind):
     """A sine of some phase, so many times a turn."""
 
     size_names = ("sine", "cosine")
-    shape_names = ("periods",)
+    shape_names: ClassVar[tuple[str, ...]] = ("periods",)
 
     def argument(self, motion: Motion) -> Array:
         """What it is periodic in, a turn being 2 pi, (w, l)."""
