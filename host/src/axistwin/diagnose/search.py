@@ -402,7 +402,7 @@ def _explained(trial: Trial, samples: int) -> bool:
     before, after = (
         float(np.sum(errors[trial.held_out])) - noise for errors in (trial.before, trial.after)
     )
-    return before > ALONE_MIN and after < NEARLY_NONE * before
+    return before > ALONE_MIN and bool(after < NEARLY_NONE * before)
 
 
 def _normalised(trial: Trial, samples: int) -> bool:
@@ -899,7 +899,7 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
     if not good:  # fitted in full one of them may be
         excess = state.fitted * (1.0 - 1.0 / state.scale)
         good = [trial for trial in trials if trial.gain > MOST * excess > GAIN_MIN]
-    contenders = []
+    contenders: list[State] = []
     for trial in good[:CONTENDERS]:
         if trial.gain < CONTENDER * good[0].gain:
             break
