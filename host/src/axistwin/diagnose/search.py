@@ -63,6 +63,9 @@ MOST = 0.5
 ALONE_MIN = 100.0
 CHANCE_MAX = 20.0
 
+#: The least that held-out windows gain of what the fitted ones do, which are twice as many.
+AGREED = 0.25
+
 #: Windows are few up to this share of all, and what is left of their error is nearly none.
 FEW = 0.25
 NEARLY_NONE = 0.1
@@ -393,7 +396,9 @@ def significant(trial: Trial, state: State) -> bool:
         return True
     if scale > _NEARLY_RIGHT or state.fit.corner > 0.0:
         return False
-    return trial.total > (CHANCE_MAX if scale < _NOISE else ALONE_MIN) * scale
+    if trial.total > ALONE_MIN * scale:
+        return True
+    return scale < _NOISE and trial.total > max(CHANCE_MAX * scale, AGREED * trial.gain)
 
 
 def _explained(trial: Trial, samples: int) -> bool:
@@ -689,7 +694,7 @@ def look(bases: Sequence[State], progress: Progress, parts: int = 1) -> Search:
             found = _lengthened(found, parts, progress)
     else:
         found = _weighted(found, bases, progress)
-    return _understood(found)
+    return _understood(_ordered(found, progress))
 
 
 def _weighted(found: Search, bases: Sequence[State], progress: Progress) -> Search:
@@ -791,6 +796,8 @@ def _revised(search: Search, progress: Progress) -> Search | None:
             if not without.plausible or significant(last.against(without, found[i]), without):
                 continue  # from there no way led back, but here it is
             return _extended(_chain(search, rest), list(search.trials[: len(rest)]), progress)
+        if last.scale < _RIGHT and better.fit.found[-1].kind == found[i].kind:
+            continue  # the same again
         if better.fitted < last.fitted - GAIN_MIN * last.scale:
             chain = _chain(search, better.fit.found)
             return _extended(chain, list(search.trials[: len(chain) - 1]), progress)
@@ -798,14 +805,12 @@ def _revised(search: Search, progress: Progress) -> Search | None:
 
 
 def _at_better_end(state: State) -> State:
-    """The same, or with all friction at the other end of the shaft if that fits better.
+    """The same, or if friction has come last, all of it at the other end if that fits better.
 
     There are as many unknowns, so a likelihood that is clearly larger decides.
     """
     ends = (*FRICTION, FrictionDrift)
-    if state.fit.windows.channels < 2 or not any(
-        isinstance(one.kind, ends) for one in state.fit.found
-    ):
+    if state.fit.windows.channels < 2 or not isinstance(state.fit.found[-1].kind, ends):
         return state
     moved = tuple(
         replace(one, kind=replace(one.kind, place=1 - one.kind.place))
@@ -826,6 +831,24 @@ def _chain(search: Search, found: Sequence[Found]) -> list[State]:
         before = search.states[-1]
         states.append(State.of(replace(before.fit, found=tuple(found[:k])), before.motion))
     return states
+
+
+def _ordered(search: Search, progress: Progress) -> Search:
+    """What explains most comes first, and what it hid was found beside it."""
+    errors = [state.fitted for state in search.states]
+    gains = [before - after for before, after in pairwise(errors)]
+    order = sorted(range(len(gains)), key=lambda i: -gains[i])
+    last = search.states[-1]
+    if order == sorted(order):
+        return search
+    found = [last.fit.found[i] for i in order]
+    fit = replace(last.fit, found=tuple(found))
+    whole = State.along(fit, last.motion)
+    if last.replay is not None:
+        whole = State(fit, last.motion).replayed()
+    states = [*_chain(search, found[:-1]), whole]
+    tried = [tuple(Trials(state).run(_left(state.fit), progress)) for state in states[1:-1]]
+    return Search(tuple(states), (search.trials[0], *tried, search.trials[-1]))
 
 
 def _understood(search: Search) -> Search:
