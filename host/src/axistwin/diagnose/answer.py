@@ -208,8 +208,8 @@ class _Answer:
         """Whether more is left of a channel than noise and the rounding of its encoder, which is
         not white."""
         windows, record = self._last.fit.windows, self._record
-        whole = self._last.simulation_error
-        error = whole[:, windows.held_out]
+        error = self._last.simulation_error[:, windows.held_out]
+        left_of_all = self._final.simulation_error
         floor = self._last.fit.noise
         for channel, angle in enumerate((record.theta1, record.theta2)[: windows.channels]):
             step = resolution(angle) if angle is not None else None
@@ -220,7 +220,7 @@ class _Answer:
             left = np.sum(error[channel] ** 2) / (error[channel].size - free * len(error[channel]))
             if float(left) > UNEXPLAINED * least**2:
                 return True
-            if rounding < _FINE * noise and coloured(whole[channel], noise):
+            if rounding < _FINE * noise and coloured(left_of_all[channel], noise):
                 return True
         return False
 
