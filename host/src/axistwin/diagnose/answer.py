@@ -401,11 +401,7 @@ def _at_best_moment(state: State, i: int) -> State:
     unknown, moments = _around(state, i)
     values = state.fit.values
     values[unknown] = min(moments, key=lambda moment: state.misfit_at(unknown, moment))
-    fit = state.fit.with_values(values)
-    if state.replay is None:
-        other = State.along(fit, state.motion)
-    else:
-        other = State(fit, state.motion).replayed()
+    other = state.beside(state.fit.with_values(values))
     return min(state, other, key=lambda one: one.fitted)
 
 

@@ -227,7 +227,9 @@ class Trials:
             return None
         if columns is None:
             return None
-        sizes, after = self._fitted(np.stack(columns, axis=1), self._residual)
+        return self._trial(found, *self._fitted(np.stack(columns, axis=1), self._residual))
+
+    def _trial(self, found: Found, sizes: Array, after: Array) -> Trial | None:
         candidate = replace(found, sizes=sizes)
         if not np.all(np.isfinite(sizes)) or not candidate.plausible:
             return None
@@ -271,10 +273,7 @@ class Trials:
         else:
             residual = self._without(found)
             sizes, after = self._fitted(self._columns[:, :0], residual)
-        candidate = replace(found, sizes=sizes)
-        if not np.all(np.isfinite(sizes)) or not candidate.plausible:
-            return None
-        return Trial(candidate, self._before, after, self._held_out)
+        return self._trial(found, sizes, after)
 
     def _without(self, found: Found) -> Array:
         """The errors (w, n) less what an effect adds."""
@@ -447,7 +446,7 @@ class State:
         return cls.along(fit, before).simulated()
 
     def beside(self, fit: Fit) -> State:
-        """A fit with more than this one, adjusted from here: to a simulation if this one is."""
+        """Another fit near this one, adjusted from here: to a simulation if this one is."""
         if self.replay is not None:
             replayed = State(fit, self.motion).replayed()
             if replayed.replay is not None:
@@ -842,10 +841,7 @@ def _ordered(search: Search, progress: Progress) -> Search:
     if order == sorted(order):
         return search
     found = [last.fit.found[i] for i in order]
-    fit = replace(last.fit, found=tuple(found))
-    whole = State.along(fit, last.motion)
-    if last.replay is not None:
-        whole = State(fit, last.motion).replayed()
+    whole = last.beside(replace(last.fit, found=tuple(found)))
     states = [*_chain(search, found[:-1]), whole]
     tried = [tuple(Trials(state).run(_left(state.fit), progress)) for state in states[1:-1]]
     return Search(tuple(states), (search.trials[0], *tried, search.trials[-1]))
