@@ -59,11 +59,11 @@ def test_a_long_record_is_looked_at_all_over() -> None:
 
 def test_windows_are_split_and_joined_again() -> None:
     cut = windows.cut(record(9000, {4321}), 0.24)
-    short = cut.split(8)
+    short = cut.recut(30)
     assert (short.count, short.length) == (8 * cut.count, 30)
     np.testing.assert_array_equal(short.angles, [short.index, -short.index])
     assert np.count_nonzero(short.held_out) == short.count // windows.FOLD
-    again = short.joined(8)
+    again = short.recut(240)
     np.testing.assert_array_equal(again.index, cut.index)
     np.testing.assert_array_equal(again.angles, cut.angles)
     np.testing.assert_array_equal(again.held_out, cut.held_out)

@@ -66,8 +66,9 @@ def _searched(record: Record, cut: Windows, hold: Hold, progress: Progress) -> s
     parts = 1
     if all(base.scale > _FAR for base in bases) and isinstance(start, TwoInertias):
         parts = _parts(start, cut)
-        cut = windows.cut(record, cut.length // parts * parts * record.time_step)
-        bases = search.begin(Fit(cut.split(parts), hold, start))
+        length = cut.length // parts
+        cut = windows.cut(record, parts * length * record.time_step)
+        bases = search.begin(Fit(cut.recut(length), hold, start))
     return search.look(bases, progress, parts)
 
 

@@ -70,24 +70,24 @@ class Motion:
     creep: Array
     turn: float
 
-    def joined(self, parts: int) -> Motion:
-        """The same where so many windows in a row are one."""
+    def recut(self, length: int) -> Motion:
+        """The same in windows of another length."""
 
-        def join(values: Array) -> Array:
-            return values.reshape(*values.shape[:-2], -1, parts * values.shape[-1])
+        def recut(values: Array) -> Array:
+            return values.reshape(*values.shape[:-2], -1, length)
 
         return replace(
             self,
-            time=join(self.time),
-            index=self.index.reshape(-1, parts * self.index.shape[1]),
-            angle=join(self.angle),
-            speed=join(self.speed),
-            acceleration=join(self.acceleration),
-            twist=join(self.twist),
-            twist_speed=join(self.twist_speed),
-            friction=join(self.friction),
-            grip=join(self.grip),
-            load=join(self.load),
+            time=recut(self.time),
+            index=self.index.reshape(-1, length),
+            angle=recut(self.angle),
+            speed=recut(self.speed),
+            acceleration=recut(self.acceleration),
+            twist=recut(self.twist),
+            twist_speed=recut(self.twist_speed),
+            friction=recut(self.friction),
+            grip=recut(self.grip),
+            load=recut(self.load),
         )
 
     def command(self, steps: int = 0) -> Array:

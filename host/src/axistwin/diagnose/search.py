@@ -734,8 +734,9 @@ def _lengthened(search: Search, parts: int, progress: Progress) -> Search:
     progress("going on in longer windows")
 
     def longer(state: State) -> State:
-        windows = state.fit.windows.joined(parts)
-        return State(replace(state.fit, windows=windows), state.motion.joined(parts))
+        windows = state.fit.windows
+        length = parts * windows.length
+        return State(replace(state.fit, windows=windows.recut(length)), state.motion.recut(length))
 
     last = longer(search.states[-1]).replayed()
     if last.replay is None:

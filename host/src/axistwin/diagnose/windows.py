@@ -88,24 +88,15 @@ class Windows:
         cut: Array = values[self.index]
         return cut
 
-    def split(self, parts: int) -> Windows:
-        """Each in so many parts, of which its length has to be a multiple."""
-        length = self.length // parts
+    def recut(self, length: int) -> Windows:
+        """The same samples in windows of another length: so many parts of each, or so many of them
+        in a row, which lie side by side if they are parts of one."""
+        index = self.index.reshape(-1, length)
         return replace(
             self,
-            index=self.index.reshape(-1, length),
+            index=index,
             angles=self.angles.reshape(self.channels, -1, length),
-            held_out=_held_out(self.count * parts),
-        )
-
-    def joined(self, parts: int) -> Windows:
-        """What was split so."""
-        length = self.length * parts
-        return replace(
-            self,
-            index=self.index.reshape(-1, length),
-            angles=self.angles.reshape(self.channels, -1, length),
-            held_out=_held_out(self.count // parts),
+            held_out=_held_out(len(index)),
         )
 
 
