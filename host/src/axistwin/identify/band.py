@@ -50,10 +50,10 @@ class Band:
         rate = 1.0 / samples.time_step
         if bandwidth is None:
             bandwidth = rate / _SAMPLES_A_PERIOD
-        if not 0.0 < bandwidth <= 0.5 * _DECIMATION * rate:
+        if not 0.0 < bandwidth < 0.5 * _DECIMATION * rate:
             raise InputError(
                 f"a bandwidth of {bandwidth:g} Hz does not fit a record at {rate:g} Hz: "
-                f"give one from 0 to {0.5 * _DECIMATION * rate:g} Hz"
+                f"give one above 0 and below {0.5 * _DECIMATION * rate:g} Hz"
             )
         band = cls(samples.time_step, bandwidth)
         if samples.count < 2 * _BORDER + 10 * band.factor:
