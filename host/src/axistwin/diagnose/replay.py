@@ -65,10 +65,12 @@ _LITTLE_FROM_AFAR = 1e-2
 
 #: Mean square of the error of a window, in units of the noise, from which on it is an outlier; and
 #: how often such a one is begun anew on each of its ever longer parts. When there are more than
-#: this share of them it is not the beginnings that are wrong.
+#: this share of them it is not the beginnings that are wrong; nor are they when so many are left of
+#: those that have been begun anew.
 _OUTLIER = 2.0
 _BEGINNINGS = 2
 _OUTLIERS_MAX = 0.8
+_OUTLIERS_AGAIN = 0.25
 
 #: Samples that are simulated at least, if a window has so many; and an error of these [noise
 #: squared] from which no way leads to one that is about noise.
@@ -206,17 +208,19 @@ class _Replaying:
         whole = self._horizon == self._windows.length
         little = _LITTLE if whole else _LITTLE_FROM_AFAR
         point = self._point(point.fit, point.starts)
+        most = _OUTLIERS_MAX
         for _ in range(_ROUNDS):
-            point = self._begun(point)
+            point, most = self._begun(point, most), _OUTLIERS_AGAIN
             moved = self._step(point)
             if moved is None:
                 return point
             gained, point = self._misfit(point) - self._misfit(moved), moved
             if whole:
                 self._motion = point.fit.motion_of(self._motion, point.angles, point.speeds)
+            little = _LITTLE if whole and self._near(point) else _LITTLE_FROM_AFAR
             if gained < _NO_GAIN + little * self._misfit(point):
                 break
-        return self._begun(point)
+        return self._begun(point, most)
 
     def _finer_steps(self) -> int:
         """From one sample to the next, where the shaft is not linear."""
@@ -284,26 +288,27 @@ class _Replaying:
 
     # ---- The beginning of each window
 
-    def _begun(self, point: _Point) -> _Point:
-        """Every window from the best start that can be found for it.
+    def _begun(self, point: _Point, most: float = _OUTLIERS_MAX) -> _Point:
+        """Every window from the best start that can be found for it, unless they are too many.
 
         Friction and play have an axis forget how it began, so that no small step of a whole window
         leads to a better beginning: its first part is made right first, then more and more; from
         where it seems to begin and from rest.
         """
         which = np.flatnonzero(_squares(point.residual) > _OUTLIER * self._samples)
-        if not 0 < len(which) < _OUTLIERS_MAX * self._windows.count:
+        if not 0 < len(which) < most * self._windows.count:
             return point
         rest = point.starts.copy()
         rest[which, 1:3] = 0.0
         best = point.starts[which], point.residual[which]
         dry = any(isinstance(one.kind, DRY) for one in point.fit.found)
-        for starts in (point.starts, rest) if dry else (point.starts,):
+        for first in (point.starts, rest) if dry else (point.starts,):
+            starts = first[which]
             with contextlib.suppress(InputError):  # from there it would leave all bounds
-                now = starts[which], self._residual(point, which, starts[which])
                 for part in (8, 2, 1):
                     for _ in range(_BEGINNINGS):
-                        now = self._begun_nearer(point, which, *now, self._horizon // part)
+                        starts = self._begun_nearer(point, which, starts, self._horizon // part)
+                    now = starts, self._residual(point, which, starts, self._horizon)
                     best = _better(best, now)
         starts = point.starts.copy()
         starts[which] = best[0]
@@ -312,34 +317,36 @@ class _Replaying:
         return begun if better else point
 
     def _begun_nearer(
-        self,
-        point: _Point,
-        which: npt.NDArray[np.intp],
-        starts: Array,
-        residual: Array,
-        horizon: int,
-    ) -> tuple[Array, Array]:
-        """Windows from starts that are better up to a ``horizon``, or as they were."""
-        seen = np.tile(np.arange(self._horizon) < horizon, self._windows.channels)
+        self, point: _Point, which: npt.NDArray[np.intp], starts: Array, horizon: int
+    ) -> Array:
+        """Starts (w, 4) of windows that are better up to a ``horizon``, or as they were."""
+        residual = self._residual(point, which, starts, horizon)
         columns = []
         for step in np.diag(self._state_steps):
             moved = starts.copy()
             moved[:, self._free] += step
-            columns.append(residual - self._residual(point, which, moved))
-        of_states = np.stack(columns, axis=2)
-        back, _ = _eliminated(of_states[:, seen], residual[:, seen, None])
+            columns.append(residual - self._residual(point, which, moved, horizon))
+        back, _ = _eliminated(np.stack(columns, axis=2), residual[:, :, None])
         change = back[:, :, 0] * self._state_steps
-        best = starts, residual
+        found, left, error = starts.copy(), np.arange(len(which)), _squares(residual)
         for halving in range(_HALVINGS):
-            moved = starts.copy()
-            moved[:, self._free] += change * 0.3**halving
-            best = _better(best, (moved, self._residual(point, which, moved)), seen)
-        return best
+            moved = starts[left]
+            moved[:, self._free] += change[left] * 0.3**halving
+            better = _squares(self._residual(point, which[left], moved, horizon)) < error[left]
+            found[left[better]] = moved[better]
+            left = left[~better]
+            if len(left) == 0:
+                break
+        return found
 
-    def _residual(self, point: _Point, which: npt.NDArray[np.intp], starts: Array) -> Array:
-        """Errors (w, c l) of some windows from other starts (w, 4)."""
-        played = self._played(point.fit, starts, which)[0] - point.played[:, which]
-        residual: Array = point.residual[which] - self._vectors(point.fit, played)
+    def _residual(
+        self, point: _Point, which: npt.NDArray[np.intp], starts: Array, horizon: int
+    ) -> Array:
+        """Errors (w, c h) of some windows from other starts (w, 4), up to a horizon."""
+        played = self._played(point.fit, starts, which, horizon)[0]
+        moved = self._vectors(point.fit, played - point.played[:, which, :horizon])
+        before = point.residual[which].reshape(len(which), self._windows.channels, -1)
+        residual: Array = before[:, :, :horizon].reshape(moved.shape) - moved
         return residual
 
     # ---- Simulation
@@ -358,7 +365,13 @@ class _Replaying:
             raise InputError("the simulation has left all bounds")
         return _Point(fit, starts, played[0], angles, speeds, residual)
 
-    def _played(self, fit: Fit, starts: Array, which: npt.NDArray[np.intp] | None = None) -> Array:
+    def _played(
+        self,
+        fit: Fit,
+        starts: Array,
+        which: npt.NDArray[np.intp] | None = None,
+        horizon: int | None = None,
+    ) -> Array:
         """Angles and speeds (2, 2, w, l) of motor and table, of some windows, by the core."""
         windows, motion = self._windows, self._motion
         chosen = slice(None) if which is None else which
@@ -372,7 +385,7 @@ class _Replaying:
             axis,
             effects,
             windows.time_step,
-            torque[chosen, : self._horizon] * self._force(fit) / turn,
+            torque[chosen, : horizon or self._horizon] * self._force(fit) / turn,
             windows.time[chosen, 0],
             absolute * turn,
             self._substeps,
@@ -460,13 +473,9 @@ def _squares(residual: Array) -> Array:
     return squares
 
 
-def _better(
-    one: tuple[Array, Array],
-    other: tuple[Array, Array],
-    seen: slice | npt.NDArray[np.bool_] = slice(None),
-) -> tuple[Array, Array]:
-    """Starts and errors of each window as in that of two in which what is seen is better."""
-    better = (_squares(other[1][:, seen]) < _squares(one[1][:, seen]))[:, None]
+def _better(one: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Starts and errors of each window as in the better one of two."""
+    better = (_squares(other[1]) < _squares(one[1]))[:, None]
     return np.where(better, other[0], one[0]), np.where(better, other[1], one[1])
 
 
