@@ -19,7 +19,8 @@ from axistwin.diagnose.answer import stiff
 from axistwin.diagnose.effects import Found, Kind, TorqueDelay, catalogue, of
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Plant, Rigid, Torque, TwoInertias
-from axistwin.diagnose.search import State, Trials
+from axistwin.diagnose.state import State
+from axistwin.diagnose.trials import Trials
 from axistwin.identify.samples import Hold
 
 from .diagnosis_records import AXIS, NOISE, STEP, record, shake

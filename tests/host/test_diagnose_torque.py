@@ -11,13 +11,14 @@ import scipy.io
 from conftest import Measured
 
 from axistwin import compare, core
-from axistwin.core import Array, Axis, Effect, State
+from axistwin.core import Array, Axis, Effect
 from axistwin.diagnose import diagnose, search, windows
 from axistwin.diagnose.effects import Found, Ripple
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Rigid
 from axistwin.diagnose.result import Diagnosis
-from axistwin.diagnose.search import Trials
+from axistwin.diagnose.state import State
+from axistwin.diagnose.trials import Trials
 from axistwin.identify.band import Band
 from axistwin.identify.samples import longest_stretch
 from axistwin.model import Model
@@ -48,10 +49,10 @@ def pushed(unknown: float, noise: float, samples: int = 20_000) -> Record:
     )
 
 
-def base(record: Record) -> search.State:
+def base(record: Record) -> State:
     fit = Fit(windows.cut(record), "zoh", AXIS)
     fit = fit.with_noise(fit.motion(None))
-    return search.State(fit, fit.motion(None))
+    return State(fit, fit.motion(None))
 
 
 def test_weights_have_an_inverse_and_an_adjoint() -> None:
@@ -70,7 +71,7 @@ def test_errors_of_a_white_torque_are_white_beyond_their_corner(unknown: float) 
     state = base(pushed(unknown, noise))
     corner = state.corner
     assert corner == pytest.approx(np.sqrt(unknown / (AXIS.inertia * noise)), rel=0.1)
-    white = search.State(replace(state.fit, corner=corner), state.motion)
+    white = State(replace(state.fit, corner=corner), state.motion)
     assert np.mean(white.errors) / white.samples == pytest.approx(1.0, abs=0.15)
 
 
@@ -83,7 +84,7 @@ def test_noise_alone_changes_no_weight() -> None:
 def test_scores_are_what_a_wave_is_worth() -> None:
     """The axis run backwards gives the inner product of the error with all that a torque moves."""
     state = base(pushed(3e-2, 2e-6))
-    state = search.State(replace(state.fit, corner=state.corner), state.motion)
+    state = State(replace(state.fit, corner=state.corner), state.motion)
     scores = Trials(state).scores(state.residual, 0)
     for periods in (3.0, 20.0):
         found = Found(Ripple(), np.zeros(2), (periods,))
@@ -167,7 +168,7 @@ def closed_loop(model: Model, file: Path) -> Array:
     axis, effects = replace(model, effects=inside).rotary()  # a metre is a turn
     turn = 2.0 * np.pi
     position = np.full(len(wanted), columns["qm"][0])
-    state, mean, force = State(angle=turn * position[0]), position[0], 0.0
+    state, mean, force = core.State(angle=turn * position[0]), position[0], 0.0
     for k in range(1, len(wanted)):
         held = np.full(PARTS + 1, force)
         last, mean = mean, 0.5 * (position[k - 1] + position[max(k - 2, 0)])
@@ -176,7 +177,9 @@ def closed_loop(model: Model, file: Path) -> Array:
         force = gain * volts
         held[early:] = force
         moved = core.simulate_effects(axis, effects, step / PARTS, held / turn, state, held=True)
-        state = State(moved.twist[-1], moved.twist_speed[-1], moved.omega1[-1], moved.theta1[-1])
+        state = core.State(
+            moved.twist[-1], moved.twist_speed[-1], moved.omega1[-1], moved.theta1[-1]
+        )
         position[k] = state.angle / turn
     return position
 

@@ -3,8 +3,9 @@
 The method is told in docs/diagnosis.md. The modules: ``intake`` looks whether a record can answer,
 ``windows`` cuts it, ``linear`` is the axis that answers any torque, ``effects`` what each effect of
 the catalogue adds along a motion, ``fit`` adjusts all their parameters, ``replay`` once more to a
-simulation of axis and effects; ``spectrum`` and ``resonance`` tell where to begin, ``search``
-decides which effects there are, ``answer`` puts it into numbers, ``report`` into words and figures.
+simulation of axis and effects: a ``state`` of the search. ``beginning``, ``spectrum`` and
+``resonance`` tell where to begin, ``trials`` what each effect would gain, ``search`` decides which
+there are, ``answer`` puts it into numbers, ``report`` into words and figures.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from axistwin.diagnose import answer, intake, search, windows
+from axistwin.diagnose import answer, beginning, intake, search, windows
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Plant, Rigid, TwoInertias
 from axistwin.diagnose.result import Diagnosis
@@ -62,13 +63,13 @@ def diagnose(
 def _searched(record: Record, cut: Windows, hold: Hold, progress: Progress) -> search.Search:
     progress("looking for the axis")
     start = _start(record, cut, hold, progress)
-    bases = search.begin(Fit(cut, hold, start))
+    bases = beginning.bases(Fit(cut, hold, start))
     parts = 1
     if all(base.scale > _FAR for base in bases) and isinstance(start, TwoInertias):
         parts = _parts(start, cut)
         length = cut.length // parts
         cut = windows.cut(record, parts * length * record.time_step)
-        bases = search.begin(Fit(cut.recut(length), hold, start))
+        bases = beginning.bases(Fit(cut.recut(length), hold, start))
     return search.look(bases, progress, parts)
 
 
@@ -85,7 +86,7 @@ def _start(record: Record, cut: Windows, hold: Hold, progress: Progress) -> Plan
         try:
             found = rigid.identify(record, samples).estimate.params
         except NotEnoughDataError:
-            return search.rigid_start(cut, hold)
+            return beginning.rigid_start(cut, hold)
         return Rigid(found["I"].value, max(found["viscous"].value, 0.0))
     if samples.count < _START_SAMPLES and len(record.missing) < _MISSING_MAX * len(record):
         samples = whole(record)

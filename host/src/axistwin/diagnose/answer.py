@@ -30,7 +30,8 @@ from axistwin.diagnose.result import (
     Signals,
     Track,
 )
-from axistwin.diagnose.search import UNEXPLAINED, Search, State
+from axistwin.diagnose.search import UNEXPLAINED, Search
+from axistwin.diagnose.state import State
 from axistwin.diagnose.windows import coloured
 from axistwin.identify.result import Quantity, quantity, unit
 from axistwin.model import SAMPLE_LOSS, Model

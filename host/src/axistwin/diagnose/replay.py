@@ -328,7 +328,8 @@ class _Replaying:
             columns.append(residual - self._residual(point, which, moved, horizon))
         back, _ = _eliminated(np.stack(columns, axis=2), residual[:, :, None])
         change = back[:, :, 0] * self._state_steps
-        found, left, error = starts.copy(), np.arange(len(which)), _squares(residual)
+        found: Array = starts.copy()
+        left, error = np.arange(len(which)), _squares(residual)
         for halving in range(_HALVINGS):
             moved = starts[left]
             moved[:, self._free] += change[left] * 0.3**halving

@@ -1,0 +1,68 @@
+"""Plants to begin with: near enough for effects to be told from what they leave."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from axistwin.diagnose.effects import Coulomb, Found, Offset, Push, Viscous
+from axistwin.diagnose.fit import Fit, solve
+from axistwin.diagnose.linear import Rigid
+from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State
+from axistwin.diagnose.windows import Windows
+from axistwin.errors import NotEnoughDataError
+from axistwin.identify.samples import Hold
+
+
+def rigid_start(windows: Windows, hold: Hold) -> Rigid:
+    """A first guess of a rigid axis: what its torque moves, with friction and load beside.
+
+    Raises NotEnoughDataError when torque moves nothing.
+    """
+    fit = Fit(windows, hold, Rigid(1.0, 0.0))
+    motion = fit.motion(None)
+    command = motion.command()
+    speed = np.gradient(fit.measured[0], windows.time_step, axis=1)
+    pushes = [
+        Push(command=np.stack([command, command])),
+        Push(motor=-np.sign(speed)),
+        Push(motor=np.ones_like(command)),
+    ]
+    columns = [fit.project(fit.answer([push])) for push in pushes]
+    inverse = solve(np.stack(columns, axis=1), fit.project(fit.measured), ~windows.held_out)[0]
+    if inverse <= 0.0:
+        raise NotEnoughDataError(
+            "the torque does not explain how the axis moves: excite it with more acceleration"
+        )
+    return Rigid(1.0 / float(inverse), 0.0)
+
+
+def bases(start: Fit) -> list[State]:
+    """Plants that are near enough for effects to be told, without any; one when that is clear.
+
+    Friction and load drag both angles away from a plant that has none: while its parameters are
+    adjusted there is some of both. Where even so the error is far from noise, from wherever it is
+    adjusted, something else drags: then one plant is as the start, which looks at fast motion only,
+    had it, and another as the adjustment left it.
+    """
+    channels = start.windows.channels
+    dragging = (Coulomb(), Viscous(), Offset()) if channels == 2 else (Coulomb(), Offset())
+    found = tuple(Found(kind, np.zeros(1), ()) for kind in dragging)
+    start = start.with_noise(start.motion(None))
+    best: State | None = None
+    for plant in (start.plant, *start.plant.others()):
+        state = State.along(replace(start, plant=plant, found=found))
+        state = State.along(state.fit.with_noise(state.motion), state.motion)
+        if best is None or state.scale < best.scale:
+            best = state
+        if best.scale < RIGHT:
+            break
+    if best is not None and best.scale < NEARLY_RIGHT:
+        without = State(replace(best.fit, found=()), best.motion)
+        adjusted = State.along(without.fit, without.motion)
+        return [adjusted if adjusted.scale < NEARLY_RIGHT else without]
+    states = [State(start, start.motion(None))]
+    if best is not None:
+        states.append(State(replace(best.fit, found=(), noise=start.noise), best.motion))
+    return states
