@@ -25,6 +25,7 @@ from axistwin.diagnose.result import (
     ErrorSummary,
     Evidence,
     Finding,
+    Resemblance,
     Residual,
     Shown,
     Signals,
@@ -105,6 +106,7 @@ class _Answer:
             evidence=self._evidence(),
             warnings=intake.warnings,
             advice=intake.advice,
+            resembles=self._resembles(),
         )
 
     # ---- Parameters and their intervals
@@ -207,7 +209,9 @@ class _Answer:
 
     def _unexplained(self) -> bool:
         """Whether more is left of a channel than noise and the rounding of its encoder, which is
-        not white."""
+        not white; or what only a form of no name could be."""
+        if self._search.form is not None:
+            return True
         windows, record = self._last.fit.windows, self._record
         error = self._last.simulation_error[:, windows.held_out]
         left_of_all = self._final.simulation_error
@@ -224,6 +228,15 @@ class _Answer:
             if rounding < _FINE * noise and coloured(left_of_all[channel], noise):
                 return True
         return False
+
+    def _resembles(self) -> Resemblance | None:
+        trial = self._search.form
+        if trial is None:
+            return None
+        noise = self._last.samples * np.count_nonzero(trial.held_out)
+        beyond = float(np.sum(trial.before[trial.held_out])) - noise
+        kind = trial.found.kind
+        return Resemblance(kind.effect, kind.location, trial.total / max(beyond, trial.total))
 
     def _error(self) -> ErrorSummary:
         floor = self._last.fit.noise

@@ -109,7 +109,8 @@ class Push:
     encoder2: Array | None = None
 
 
-def _at(place: int, torque: Array) -> Push:
+def torque_at(place: int, torque: Array) -> Push:
+    """A torque at motor or table."""
     return Push(motor=torque) if place == MOTOR else Push(table=torque)
 
 
@@ -191,7 +192,7 @@ class Coulomb(Kind):
     size_names = ("torque",)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
-        return [_at(self.place, -_dry(motion, self.place, np.ones_like, np.inf))]
+        return [torque_at(self.place, -_dry(motion, self.place, np.ones_like, np.inf))]
 
     def plausible(self, sizes: Array, shape: Shape) -> bool:
         return bool(sizes[0] > 0.0)
@@ -204,7 +205,7 @@ class Viscous(Kind):
     size_names = ("coefficient",)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
-        return [_at(self.place, -motion.speed[self.place])]
+        return [torque_at(self.place, -motion.speed[self.place])]
 
     def plausible(self, sizes: Array, shape: Shape) -> bool:
         return bool(sizes[0] > 0.0)
@@ -217,7 +218,7 @@ class Asymmetry(Kind):
     size_names = ("coefficient",)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
-        return [_at(self.place, -np.abs(motion.speed[self.place]))]
+        return [torque_at(self.place, -np.abs(motion.speed[self.place]))]
 
 
 @dataclass(frozen=True)
@@ -243,7 +244,7 @@ class Stribeck(Kind):
             share: Array = np.exp(-((speed / shape[0]) ** 2))
             return share
 
-        return [_at(self.place, -_dry(motion, self.place, falling, abs(shape[0])))]
+        return [torque_at(self.place, -_dry(motion, self.place, falling, abs(shape[0])))]
 
     def params(self, sizes: Array, shape: Shape) -> dict[str, float]:
         return {"torque": float(sizes[0]), "speed": abs(shape[0])}
@@ -269,7 +270,7 @@ class FrictionDrift(Kind):
     size_names = ("rate",)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
-        return [_at(self.place, motion.time * motion.friction[self.place])]
+        return [torque_at(self.place, motion.time * motion.friction[self.place])]
 
 
 class Offset(Kind):
@@ -279,7 +280,7 @@ class Offset(Kind):
     size_names = ("torque",)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
-        return [_at(self.place, np.ones_like(motion.time))]
+        return [torque_at(self.place, np.ones_like(motion.time))]
 
 
 def _dry(motion: Motion, place: int, share: Callable[[Array], Array], width: float) -> Array:
@@ -338,7 +339,7 @@ class Wave(Kind):
 
     def push(self, values: Array) -> Push:
         """What a wave of these values (w, l) adds."""
-        return _at(self.place, values)
+        return torque_at(self.place, values)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
         argument = shape[0] * self.argument(motion)
@@ -422,7 +423,7 @@ class Hardening(Shaft):
     size_names = ("coefficient",)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
-        return [_between(motion.twist**3)]
+        return [torque_between(motion.twist**3)]
 
 
 class StiffnessDrift(Shaft):
@@ -432,7 +433,7 @@ class StiffnessDrift(Shaft):
     size_names = ("rate",)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
-        return [_between(_axis(plant).K * motion.time * motion.twist)]
+        return [torque_between(_axis(plant).K * motion.time * motion.twist)]
 
 
 class Backlash(Shaft):
@@ -449,14 +450,14 @@ class Backlash(Shaft):
         axis, half = _axis(plant), 0.5 * shape[0]
         taken = axis.K * np.clip(motion.twist, -half, half)
         loose = np.abs(motion.twist) < half
-        return [_between(-taken - axis.B * loose * motion.twist_speed)]
+        return [torque_between(-taken - axis.B * loose * motion.twist_speed)]
 
     def possible(self, motion: Motion, shape: Shape) -> bool:
         """A gap that the twist never fills would hide the shaft."""
         return 0.0 < shape[0] < 2.0 * float(np.max(np.abs(motion.twist)))
 
 
-def _between(torque: Array) -> Push:
+def torque_between(torque: Array) -> Push:
     """A torque that the shaft carries beyond that of the linear one."""
     return Push(motor=-torque, table=torque)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -169,13 +169,24 @@ class Evidence:
 
 
 @dataclass(frozen=True)
+class Resemblance:
+    """What an error of no name goes with: a ``form``, free in its details, at a ``location``, and
+    the ``share`` it takes of the held-out error that the catalogue leaves beyond noise."""
+
+    form: str
+    location: str
+    share: float
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The answer for a record.
 
     ``base`` are the parameters of the axis without any effect and ``axis`` those of the extended
     ``model``, by name: I1, I2, B, K with two encoders, I and viscous with one. ``base_valid`` says
     whether the record determines them. ``findings`` are in the order in which they were named.
-    ``unexplained`` means that something is left that no effect of the catalogue accounts for.
+    ``unexplained`` means that something is left that no effect of the catalogue accounts for, which
+    ``resembles`` a form where one does better than all of them.
     ``warnings`` of the intake and the fit, ``advice`` which experiment answers what this record
     cannot; one line each. ``window`` is the length of a simulation [s].
     """
@@ -194,6 +205,7 @@ class Diagnosis:
     evidence: Evidence = field(repr=False)
     warnings: tuple[str, ...] = ()
     advice: tuple[str, ...] = ()
+    resembles: Resemblance | None = None
 
     @property
     def healthy(self) -> bool:
@@ -232,6 +244,7 @@ class Diagnosis:
                 for one in self.considered
             ],
             "unexplained": self.unexplained,
+            "resembles": None if self.resembles is None else asdict(self.resembles),
             "error": {
                 "what": self.error.what,
                 "unit": self.error.unit,

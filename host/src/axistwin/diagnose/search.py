@@ -27,6 +27,7 @@ from axistwin.diagnose.effects import (
     catalogue,
 )
 from axistwin.diagnose.fit import Fit, solve
+from axistwin.diagnose.forms import forms
 from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State, Trial
 from axistwin.diagnose.trials import GAIN_MIN, MOST, T_MIN, Progress, Trials, significant
 from axistwin.errors import InputError
@@ -70,6 +71,11 @@ _REVISIONS = 3
 _WEIGHINGS = 2
 _SAME_CORNER = 0.1
 
+#: What a form of no name has to win on held-out windows, in units of the error squared: it can be
+#: bent in so many ways that some of it is chance. So many of the best are fitted in full.
+FORM_MIN = 50.0
+FORMS = 2
+
 #: What is left has a mean square this many times that of the noise, at least: then there is more.
 UNEXPLAINED = 1.1
 
@@ -98,10 +104,14 @@ def with_modes(state: State) -> list[Fit]:
 
 @dataclass(frozen=True)
 class Search:
-    """The states on the way, the first without effects, and what was tried on each."""
+    """The states on the way, the first without effects, and what was tried on each.
+
+    ``form`` is what the record holds that has no name, as far as one can say what that goes with.
+    """
 
     states: tuple[State, ...]
     trials: tuple[tuple[Trial, ...], ...]
+    form: Trial | None = None
 
 
 def look(bases: Sequence[State], progress: Progress, parts: int = 1) -> Search:
@@ -118,7 +128,7 @@ def look(bases: Sequence[State], progress: Progress, parts: int = 1) -> Search:
             found = _lengthened(found, parts, progress)
     else:
         found = _weighted(found, bases, progress)
-    return _understood(_ordered(found, progress))
+    return _understood(_ordered(found, progress), progress)
 
 
 def _weighted(found: Search, bases: Sequence[State], progress: Progress) -> Search:
@@ -273,22 +283,78 @@ def _ordered(search: Search, progress: Progress) -> Search:
     return Search(tuple(states), (search.trials[0], *tried, search.trials[-1]))
 
 
-def _understood(search: Search) -> Search:
+def _understood(search: Search, progress: Progress) -> Search:
     """Of a record that is not understood, only what is by far the most of it is named.
 
-    Nor is anything named whose size may be none.
+    Nor is anything named whose size may be none, nor what a form that has no name leaves nothing
+    of.
     """
     states = list(search.states)
-    sure = [one for i, one in enumerate(states[-1].fit.found) if _sure(states[-1], i)]
-    if len(sure) < len(states) - 1:
-        states = _chain(search, sure)
-    if states[-1].scale > UNEXPLAINED and states[-1].fit.corner == 0.0:
+    last = states[-1]
+    named = [one for i, one in enumerate(last.fit.found) if _sure(last, i)]
+    nameless = _nameless(last, progress)
+    if nameless is not None:
+        still = [one.kind for one in _still(nameless.state)]
+        named = [one for one in named if one.kind in still]
+    if len(named) < len(states) - 1:
+        states = _chain(search, named)
+    far = states[-1].scale > UNEXPLAINED and states[-1].fit.corner == 0.0
+    if far or nameless is not None:
         excess = [state.scale - 1.0 for state in states]
         less = [after < _PART_LEFT * before for before, after in pairwise(excess)]
         states = states[: [*less, False].index(False) + 1]
         if excess[len(states) - 1] > _ALL_LEFT * excess[0]:
             states = states[:1]
-    return Search(tuple(states), search.trials[: len(states)])
+    form = None if nameless is None else nameless.trial
+    return Search(tuple(states), search.trials[: len(states)], form)
+
+
+@dataclass(frozen=True)
+class _Nameless:
+    """A form of no name: what it gains over the best that has been found, and a state with it."""
+
+    trial: Trial
+    state: State
+
+
+def _nameless(last: State, progress: Progress) -> _Nameless | None:
+    """A form of no name, if that does on held-out windows what nothing in the catalogue can do.
+
+    Near the noise such a form tells beside what has been found. Far from it what has been found may
+    stand in its way, so it is tried beside parts of that, too.
+    """
+    found = last.fit.found
+    if last.fit.corner > 0.0:
+        return None  # there the torque is never all understood
+    besides = [last]
+    if last.scale > NEARLY_RIGHT:
+        parts = [found[:k] for k in range(len(found))]
+        parts += [(*found[:i], *found[i + 1 :]) for i in range(len(found) - 1)]
+        besides += [State.along(replace(last.fit, found=part), last.motion) for part in parts]
+    candidates = []
+    for beside in besides:
+        for trial in Trials(beside).run(forms(last.fit.windows.channels), progress)[:FORMS]:
+            fit = replace(beside.fit, found=(*beside.fit.found, trial.found))
+            with contextlib.suppress(InputError):  # an axis cannot have that beside the rest
+                state = State.along(fit, beside.motion)
+                gained = trial if beside.replay is not None else state.against(last, trial.found)
+                candidates.append(_Nameless(gained, state))
+    best = max(candidates, key=lambda one: one.trial.gain, default=None)
+    if best is None or best.trial.total < FORM_MIN * last.scale:
+        return None
+    return best if significant(best.trial, last) else None
+
+
+def _still(nameless: State) -> Sequence[Found]:
+    """The effects that still have something to explain beside a form of no name."""
+    *found, form = nameless.fit.found
+    for one in tuple(reversed(found)):
+        rest = [other for other in found if other is not one]
+        without = State.along(replace(nameless.fit, found=(*rest, form)), nameless.motion)
+        if not significant(nameless.against(without, one), without):
+            nameless, found = without, rest
+        # Its values are other ones now, but the effects are in the same order.
+    return found
 
 
 def _sure(state: State, i: int) -> bool:

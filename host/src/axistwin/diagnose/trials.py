@@ -11,6 +11,7 @@ from axistwin.core import Array
 from axistwin.diagnose import spectrum
 from axistwin.diagnose.effects import Disturbance, Found, Kind, LeadError, Ripple, Shape, Wave
 from axistwin.diagnose.fit import solve_normal
+from axistwin.diagnose.forms import Form
 from axistwin.diagnose.linear import Torque
 from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State, Trial
 from axistwin.errors import InputError
@@ -93,6 +94,8 @@ class Trials:
         """The same beside effects as they act, where those bend the answer of the axis."""
         found, replay = trial.found, self._state.replay
         if replay is None or self._scale < RIGHT or found.kind.sizes == 0:
+            return None
+        if isinstance(found.kind, Form):  # which the core cannot simulate
             return None
         along = self.fit.by_size(found, self.motion)
         most = max(float(np.max(np.abs(column))) for column in along)

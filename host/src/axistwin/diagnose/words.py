@@ -250,14 +250,14 @@ def paragraph(diagnosis: Diagnosis) -> str:
         return (
             f"Something is wrong that is none of the {tried} effects known here: on windows that "
             f"no fit has seen the simulation is {base} rms off, where noise alone makes {floor}. "
-            "Nothing is named, so that nothing is accused wrongly."
+            f"Nothing is named, so that nothing is accused wrongly.{_resembling(diagnosis)}"
         )
     causes = [cause(one.effect, one.location) for one in diagnosis.findings]
     named = listed(causes)
     verb, them = ("explains", "it") if len(causes) == 1 else ("explain", "them")
     whole = sum(one.gain for one in diagnosis.findings)
     ending = (
-        "Something is left that is none of the effects known here."
+        f"Something is left that is none of the effects known here.{_resembling(diagnosis)}"
         if diagnosis.unexplained
         else "What is left is noise."
     )
@@ -266,6 +266,15 @@ def paragraph(diagnosis: Diagnosis) -> str:
         f"with {them} in the model, the error on windows that no fit has seen falls from {base} to "
         f"{extended} rms, where noise alone makes {floor}. {ending}"
     )
+
+
+def _resembling(diagnosis: Diagnosis) -> str:
+    """A sentence on what an error of no name goes with, if that is known."""
+    one = diagnosis.resembles
+    if one is None:
+        return ""
+    goes = _GOES_WITH[one.form].format(place=where(one.location))
+    return f" It goes {goes}: that takes {percent(one.share)} of what is left beyond noise."
 
 
 def _base_model(diagnosis: Diagnosis) -> str:
@@ -278,7 +287,10 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     """What to do next: a line for each finding, then for what is left and not determined."""
     linear = diagnosis.record.linear
     steps = [_step(finding, linear) for finding in diagnosis.findings]
-    if diagnosis.unexplained:
+    if diagnosis.resembles is not None:
+        one = diagnosis.resembles
+        steps.append(_LOOK_AT[one.form].format(place=where(one.location)))
+    elif diagnosis.unexplained:
         steps.append(
             "Measure again: slower, faster and at another place of the travel. What is left goes "
             "with one of them; the residual torque in the report says with which to begin."
@@ -320,6 +332,32 @@ def _step(finding: Finding, linear: bool) -> str:
     channel = {"encoder1": "theta1", "encoder2": "theta2"}.get(place, "")
     return template.format(place=where(place), channel=channel, **numbers)
 
+
+#: What an error of no name goes with, and what to look at.
+_GOES_WITH = {
+    "torque_curve": "with the torque command, as of a drive whose torque is not in proportion",
+    "speed_curve": "with the speed {place}, otherwise than any friction that is known here",
+    "uneven_friction": "with the direction and the place on the turn {place}, as of dry friction "
+    "that is not the same all around",
+    "presliding": "with the way since the last reversal {place}, as of friction that gives way "
+    "before it slips",
+    "hysteresis": "with what the twist {place} was before, as of joints that slip",
+    "twist_curve": "with the twist {place}, otherwise than any stiffness that is known here",
+}
+_LOOK_AT = {
+    "torque_curve": "Measure the drive's torque against its command, up to the peaks (torque "
+    "sensor, or a locked shaft): current sensor, saturation of the motor's iron, dead time.",
+    "speed_curve": "Measure at several steady speeds in both directions: the torque that each of "
+    "them takes shows the law of the friction {place}.",
+    "uneven_friction": "Turn slowly, and look where on the turn friction {place} is high: bent "
+    "shaft, a seal or a guide that is not true.",
+    "presliding": "Measure with moves of some counts about standstill: they show how far parts "
+    "give way {place} before they slip. Friction of one size would be wrong there.",
+    "hysteresis": "Load the shaft slowly back and forth and look at the loop: bolted joints, "
+    "clamping hubs, a belt.",
+    "twist_curve": "Load the shaft slowly and measure twist against torque: stops, a coupling with "
+    "steps in its stiffness.",
+}
 
 #: How the verdict on an effect begins that another one can pass for.
 _LOOK_ALIKE = "look-alike of "
