@@ -120,6 +120,22 @@ def test_the_machine_and_the_engine_have_the_same_physics(effect: Effect) -> Non
     np.testing.assert_allclose(after.fit.plant.values, TwoInertias(AXIS).values, rtol=0.01)
 
 
+def test_a_gap_that_is_crossed_within_a_sample_is_found() -> None:
+    """The shaft then pulls to one side, and before the next sample to the other."""
+    gap = Effect("backlash", "shaft", {"gap": 1e-4})
+    cut = windows.cut(record(gap, torque=TORQUE), 0.25)
+    fit = Fit(cut, "zoh", TwoInertias(AXIS))
+    fit = fit.with_noise(fit.motion(None))
+    before = State(fit, fit.motion(fit.motion(None)))
+    within = np.abs(before.motion.twist) < 0.5e-4
+    assert np.mean(within[:, 1:] & within[:, :-1]) < 0.01
+    best = Trials(before).run(catalogue(2, linear=False), lambda _: None)[0]
+    assert best.found.kind.effect == "backlash"
+    assert best.found.shape[0] == pytest.approx(1e-4, rel=0.1)
+    assert before.scale > 10.0
+    assert np.mean(best.after) == pytest.approx(before.samples, rel=0.05)
+
+
 HOLDS: list[Hold] = ["zoh", "foh"]
 
 

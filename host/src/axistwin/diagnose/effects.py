@@ -286,37 +286,46 @@ class Offset(Kind):
 def _dry(motion: Motion, place: int, share: Callable[[Array], Array], width: float) -> Array:
     """The sign of the speed times ``share`` of it (w, l), as dry friction has it.
 
-    Where the speed reverses, or changes by more than a part of ``width``, between two samples,
-    these share the torque in between so that its area and its moment are right. Where the axis
-    sticks, friction is what it takes to hold the load.
+    It changes fast where the speed reverses, or changes by more than a part of ``width``. Where the
+    axis sticks, friction is what it takes to hold the load.
     """
     speed = motion.speed[place]
-    values = np.sign(speed) * share(speed)
     first, last = speed[:, :-1], speed[:, 1:]
     fast = (first * last < 0.0) | (
         (np.abs(last - first) > _FINE * width)
         & (np.minimum(np.abs(first), np.abs(last)) < 3.0 * width)
     )
-    window, sample = np.nonzero(fast)
-    if len(window) > 0:
-        at = (np.arange(_PARTS) + 0.5) / _PARTS
-        start, change = first[fast][:, None], (last - first)[fast][:, None]
-        between = start + change * at
-        inside = np.sign(between) * share(between)
-        straight = (
-            values[window, sample][:, None] * (1.0 - at) + values[window, sample + 1][:, None] * at
-        )
-        missing = inside - straight
-        moved = np.zeros_like(values)
-        np.add.at(moved, (window, sample), np.mean(missing * (1.0 - at), axis=1))
-        np.add.at(moved, (window, sample + 1), np.mean(missing * at, axis=1))
-        moved[:, 1:-1] -= np.diff(moved, 2, axis=1) / 12.0  # hats overlap: so much flatter they are
-        values = values + moved
+    values = _sampled(lambda speed: np.sign(speed) * share(speed), speed, fast)
     stuck = (np.abs(speed) < motion.creep[place]) & (motion.grip[place] > 0.0)
     grip = np.where(stuck, motion.grip[place], 1.0)
     holding = np.clip(motion.load[place] / grip, -1.0, 1.0) * share(speed)
     torque: Array = np.where(stuck, holding, values)
     return torque
+
+
+def _sampled(law: Callable[[Array], Array], quantity: Array, fast: npt.NDArray[np.bool_]) -> Array:
+    """A law of a quantity at the samples (w, l), between which a torque goes straight.
+
+    Where it is ``fast`` (w, l - 1) between two samples, these share the torque in between so that
+    its area and its moment are right.
+    """
+    values = law(quantity)
+    window, sample = np.nonzero(fast)
+    if len(window) == 0:
+        return values
+    at = (np.arange(_PARTS) + 0.5) / _PARTS
+    first, last = quantity[window, sample][:, None], quantity[window, sample + 1][:, None]
+    inside = law(first + (last - first) * at)
+    straight = (
+        values[window, sample][:, None] * (1.0 - at) + values[window, sample + 1][:, None] * at
+    )
+    missing = inside - straight
+    moved = np.zeros_like(values)
+    np.add.at(moved, (window, sample), np.mean(missing * (1.0 - at), axis=1))
+    np.add.at(moved, (window, sample + 1), np.mean(missing * at, axis=1))
+    moved[:, 1:-1] -= np.diff(moved, 2, axis=1) / 12.0  # hats overlap: so much flatter they are
+    shared: Array = values + moved
+    return shared
 
 
 # ---- What is periodic: two sizes, of sine and cosine
@@ -448,9 +457,16 @@ class Backlash(Shaft):
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
         axis, half = _axis(plant), 0.5 * shape[0]
-        taken = axis.K * np.clip(motion.twist, -half, half)
-        loose = np.abs(motion.twist) < half
-        return [torque_between(-taken - axis.B * loose * motion.twist_speed)]
+
+        def within(twist: Array) -> Array:
+            return np.clip(twist, -half, half)
+
+        taken = within(motion.twist)
+        speed = np.gradient(taken, motion.time_step, axis=1)
+        fast = np.diff(np.abs(motion.twist) < half, axis=1) | (
+            motion.twist[:, :-1] * motion.twist[:, 1:] < 0.0
+        )
+        return [torque_between(-axis.K * _sampled(within, motion.twist, fast) - axis.B * speed)]
 
     def possible(self, motion: Motion, shape: Shape) -> bool:
         """A gap that the twist never fills would hide the shaft."""

@@ -164,7 +164,8 @@ def _searched(bases: Sequence[State], progress: Progress) -> Search:
 def _lengthened(search: Search, parts: int, progress: Progress) -> Search:
     """The search carried on in longer windows, which show what is slow and small.
 
-    As it was where those cannot be simulated down to noise: what is found in short ones holds.
+    As it was where those cannot be simulated down to noise, be it with a form of no name: what is
+    found in short ones holds.
     """
     progress("going on in longer windows")
 
@@ -181,7 +182,10 @@ def _lengthened(search: Search, parts: int, progress: Progress) -> Search:
     known = Search((base, last), search.trials)
     chain = [*_chain(known, last.fit.found[:-1]), last] if last.fit.found else [last]
     found = _settled(_extended(chain, list(search.trials[:-1]), progress), progress)
-    return found if found.states[-1].scale < NEARLY_RIGHT else search
+    if found.states[-1].scale < NEARLY_RIGHT:
+        return found
+    nameless = _nameless(found.states[-1], progress)
+    return found if nameless is not None and nameless.state.scale < NEARLY_RIGHT else search
 
 
 def _settled(found: Search, progress: Progress) -> Search:
@@ -224,8 +228,14 @@ def _revised(search: Search, progress: Progress) -> Search | None:
         return None
     for i in range(len(found) - 1):
         rest = (*found[:i], *found[i + 1 :])
-        without = State.of(replace(last.fit, found=rest), last.motion)
-        trials = Trials(without).run(_left(without.fit), progress)
+        along = State.along(replace(last.fit, found=rest), last.motion)
+        trials = Trials(along).run(_left(along.fit), progress)
+        again = bool(trials) and trials[0].found.kind == found[i].kind
+        if again and last.scale < RIGHT and significant(trials[0], along):
+            continue  # it comes first again, and hardly anything is left to gain
+        without = along.simulated()
+        if without is not along:
+            trials = Trials(without).run(_left(without.fit), progress)
         better = _best(without, trials, progress)
         if better is None:
             if not without.plausible or significant(last.against(without, found[i]), without):

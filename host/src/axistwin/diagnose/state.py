@@ -125,9 +125,10 @@ class State:
 
     @cached_property
     def errors(self) -> Array:
-        """Squared, of the windows (w,)."""
-        errors: Array = np.sum(self.residual**2, axis=1)
-        return errors
+        """Squared, of the windows (w,); infinite where something has run away."""
+        errors = np.sum(self.residual**2, axis=1)
+        finite: Array = np.where(np.isnan(errors), np.inf, errors)
+        return finite
 
     @property
     def simulation_error(self) -> Array:
