@@ -18,6 +18,7 @@ import numpy as np
 from axistwin.diagnose import answer, beginning, intake, search, windows
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Plant, Rigid, TwoInertias
+from axistwin.diagnose.parallel import quiet
 from axistwin.diagnose.result import Diagnosis
 from axistwin.diagnose.windows import LENGTH_MIN, Windows
 from axistwin.errors import NotEnoughDataError
@@ -54,7 +55,7 @@ def diagnose(
     Raises NotEnoughDataError when the record cannot answer, InputError when it cannot be right.
     """
     examined = intake.examine(record)
-    with np.errstate(over="ignore"):  # a trial may run away: it is none then
+    with quiet():  # a trial may run away: it is none then
         found = _searched(record, windows.cut(record, window), hold, progress)
         progress("final fit")
         return answer.of(record, found, examined)

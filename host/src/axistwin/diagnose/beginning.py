@@ -8,7 +8,8 @@ import numpy as np
 
 from axistwin.diagnose.effects import Coulomb, Found, Offset, Push, Viscous
 from axistwin.diagnose.fit import Fit, solve
-from axistwin.diagnose.linear import Rigid
+from axistwin.diagnose.linear import Plant, Rigid
+from axistwin.diagnose.parallel import each
 from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State
 from axistwin.diagnose.windows import Windows
 from axistwin.errors import NotEnoughDataError
@@ -50,19 +51,17 @@ def bases(start: Fit) -> list[State]:
     dragging = (Coulomb(), Viscous(), Offset()) if channels == 2 else (Coulomb(), Offset())
     found = tuple(Found(kind, np.zeros(1), ()) for kind in dragging)
     start = start.with_noise(start.motion(None))
-    best: State | None = None
-    for plant in (start.plant, *start.plant.others()):
+
+    def fitted(plant: Plant) -> State:
         state = State.along(replace(start, plant=plant, found=found))
-        state = State.along(state.fit.with_noise(state.motion), state.motion)
-        if best is None or state.scale < best.scale:
-            best = state
-        if best.scale < RIGHT:
-            break
-    if best is not None and best.scale < NEARLY_RIGHT:
+        return State.along(state.fit.with_noise(state.motion), state.motion)
+
+    best = fitted(start.plant)
+    if best.scale >= RIGHT:
+        best = min([best, *each(fitted, start.plant.others())], key=lambda state: state.scale)
+    if best.scale < NEARLY_RIGHT:
         without = State(replace(best.fit, found=()), best.motion)
         adjusted = State.along(without.fit, without.motion)
         return [adjusted if adjusted.scale < NEARLY_RIGHT else without]
-    states = [State(start, start.motion(None))]
-    if best is not None:
-        states.append(State(replace(best.fit, found=(), noise=start.noise), best.motion))
-    return states
+    adjusted = State(replace(best.fit, found=(), noise=start.noise), best.motion)
+    return [State(start, start.motion(None)), adjusted]

@@ -40,9 +40,10 @@ _OUTSIDE = (TorqueDelay, EncoderDelay, Saturation, LeadError, Eccentricity)
 #: A step of the simulation turns the vibration by this much at most.
 _VIBRATION_STEP_MAX = 0.1
 
-#: The same for the last digits where play lets the shaft go within a step; where its stiffness
-#: changes in it, of the vibration at the largest twist.
+#: The same for the last digits where play lets the shaft go within a step, or friction a part of the
+#: axis; where its stiffness changes in it, of the vibration at the largest twist.
 _PLAY_STEP_MAX = 0.03
+_DRY_STEP_MAX = 0.025
 _HARDENED_STEP_MAX = 0.06
 
 #: Differences of initial states, in units of the noise, and of sizes, in units of themselves.
@@ -71,6 +72,10 @@ _OUTLIER = 2.0
 _BEGINNINGS = 2
 _OUTLIERS_MAX = 0.8
 _OUTLIERS_AGAIN = 0.25
+
+#: Errors that steps may be to blame for, in units of the one at which a window is an outlier.
+_ROUGH = 2.0
+_RIGHT = 0.5
 
 #: Samples that are simulated at least, if a window has so many; and an error of these [noise
 #: squared] from which no way leads to one that is about noise.
@@ -171,6 +176,10 @@ class _Replaying:
             point = self._from_afar()
         self._substeps = self._finer_steps()
         point = self._rounds(point)
+        finer = self._steps(_DRY_STEP_MAX)
+        if self._dry and finer > self._substeps and self._nearly_right(point):
+            self._substeps = finer
+            point = self._rounds(point)
         of_states, columns = self._derivatives(point)
         _, explained = _eliminated(of_states, columns)
         left = (columns - explained).transpose(0, 2, 1)
@@ -240,6 +249,11 @@ class _Replaying:
         return max(2, int(np.ceil(self._turned / turn)))
 
     @property
+    def _dry(self) -> bool:
+        """Does friction hold the axis at times?"""
+        return any(isinstance(one.kind, DRY) for one in self._fit.found)
+
+    @property
     def _samples(self) -> int:
         """Of a window, up to the horizon."""
         return self._windows.channels * self._horizon
@@ -247,6 +261,10 @@ class _Replaying:
     def _near(self, point: _Point, times: float = 1.0) -> bool:
         """Is the error about that of noise, or so many times that?"""
         return self._misfit(point) < times * _OUTLIER * self._samples * self._windows.count
+
+    def _nearly_right(self, point: _Point) -> bool:
+        """Could it be the steps that leave more than noise?"""
+        return self._near(point, _ROUGH) and not self._near(point, _RIGHT)
 
     # ---- Unknowns of all windows
 
@@ -301,8 +319,7 @@ class _Replaying:
         rest = point.starts.copy()
         rest[which, 1:3] = 0.0
         best = point.starts[which], point.residual[which]
-        dry = any(isinstance(one.kind, DRY) for one in point.fit.found)
-        for first in (point.starts, rest) if dry else (point.starts,):
+        for first in (point.starts, rest) if self._dry else (point.starts,):
             starts = first[which]
             with contextlib.suppress(InputError):  # from there it would leave all bounds
                 for part in (8, 2, 1):

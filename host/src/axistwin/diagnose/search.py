@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from axistwin.diagnose.effects import (
 )
 from axistwin.diagnose.fit import Fit, solve
 from axistwin.diagnose.forms import forms
+from axistwin.diagnose.parallel import each
 from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State, Trial
 from axistwin.diagnose.trials import GAIN_MIN, MOST, T_MIN, Progress, Trials, significant
 from axistwin.errors import InputError
@@ -76,8 +78,16 @@ _SAME_CORNER = 0.1
 FORM_MIN = 50.0
 FORMS = 2
 
+#: The share of all errors that a simulation of what makes them may be wrong by.
+_INEXACT = 1e-6
+
+#: Mean square of an error, in units of the noise, from which a search in long windows is no use.
+_LOST = 1e3
+
 #: What is left has a mean square this many times that of the noise, at least: then there is more.
 UNEXPLAINED = 1.1
+
+Item = TypeVar("Item")
 
 
 def with_modes(state: State) -> list[Fit]:
@@ -177,6 +187,8 @@ def _lengthened(search: Search, parts: int, progress: Progress) -> Search:
     last = longer(search.states[-1]).replayed()
     if last.replay is None:
         last = State.of(last.fit, last.motion)
+    if last.scale > _LOST:
+        return search
     base = longer(search.states[0])
     base = min(base, State.of(base.fit, base.motion), key=_fitted)
     known = Search((base, last), search.trials)
@@ -184,7 +196,7 @@ def _lengthened(search: Search, parts: int, progress: Progress) -> Search:
     found = _settled(_extended(chain, list(search.trials[:-1]), progress), progress)
     if found.states[-1].scale < NEARLY_RIGHT:
         return found
-    nameless = _nameless(found.states[-1], progress)
+    nameless = _nameless(base, found.states[-1], progress)
     return found if nameless is not None and nameless.state.scale < NEARLY_RIGHT else search
 
 
@@ -302,7 +314,7 @@ def _understood(search: Search, progress: Progress) -> Search:
     states = list(search.states)
     last = states[-1]
     named = [one for i, one in enumerate(last.fit.found) if _sure(last, i)]
-    nameless = _nameless(last, progress)
+    nameless = _nameless(search.states[0], last, progress)
     if nameless is not None:
         still = [one.kind for one in _still(nameless.state)]
         named = [one for one in named if one.kind in still]
@@ -327,11 +339,12 @@ class _Nameless:
     state: State
 
 
-def _nameless(last: State, progress: Progress) -> _Nameless | None:
+def _nameless(base: State, last: State, progress: Progress) -> _Nameless | None:
     """A form of no name, if that does on held-out windows what nothing in the catalogue can do.
 
     Near the noise such a form tells beside what has been found. Far from it what has been found may
-    stand in its way, so it is tried beside parts of that, too.
+    stand in its way, so it is tried beside parts of that, too. The errors of the ``base`` without
+    any are what a simulation of them may be inexact by a little of.
     """
     found = last.fit.found
     if last.fit.corner > 0.0:
@@ -340,17 +353,27 @@ def _nameless(last: State, progress: Progress) -> _Nameless | None:
     if last.scale > NEARLY_RIGHT:
         parts = [found[:k] for k in range(len(found))]
         parts += [(*found[:i], *found[i + 1 :]) for i in range(len(found) - 1)]
-        besides += [State.along(replace(last.fit, found=part), last.motion) for part in parts]
+        besides += _possible(
+            lambda part: State.along(replace(last.fit, found=part), last.motion), parts
+        )
+    tried = [
+        (beside, trial)
+        for beside in besides
+        for trial in Trials(beside).run(forms(last.fit.windows.channels), progress)[:FORMS]
+    ]
+
+    def fitted(one: tuple[State, Trial]) -> State:
+        beside, trial = one
+        fit = replace(beside.fit, found=(*beside.fit.found, trial.found))
+        return State.along(fit, beside.motion)
+
     candidates = []
-    for beside in besides:
-        for trial in Trials(beside).run(forms(last.fit.windows.channels), progress)[:FORMS]:
-            fit = replace(beside.fit, found=(*beside.fit.found, trial.found))
-            with contextlib.suppress(InputError):  # an axis cannot have that beside the rest
-                state = State.along(fit, beside.motion)
-                gained = trial if beside.replay is not None else state.against(last, trial.found)
-                candidates.append(_Nameless(gained, state))
+    for (beside, trial), state in zip(tried, each(fitted, tried), strict=True):
+        gained = trial if beside.replay is not None else state.against(last, trial.found)
+        candidates.append(_Nameless(gained, state))
     best = max(candidates, key=lambda one: one.trial.gain, default=None)
-    if best is None or best.trial.total < FORM_MIN * last.scale:
+    inexact = _INEXACT * float(np.sum(base.errors[base.fit.windows.held_out]))
+    if best is None or best.trial.total < max(FORM_MIN * last.scale, inexact):
         return None
     return best if significant(best.trial, last) else None
 
@@ -399,11 +422,8 @@ def _resonating(state: State, besides: State) -> list[State]:
 
     A mode bends a whole response: with so many unknowns it would find something to better anywhere.
     """
-    candidates, found = [], []
-    for fit in with_modes(state):
-        with contextlib.suppress(InputError):  # no two resonances are left
-            candidates.append(State.along(fit, state.motion))
-    for candidate in candidates:
+    found = []
+    for candidate in _possible(lambda fit: State.along(fit, state.motion), with_modes(state)):
         part = (besides.scale - candidate.scale) / (besides.scale - 1.0)
         if (
             part > _GOOD_PART
@@ -414,28 +434,37 @@ def _resonating(state: State, besides: State) -> list[State]:
     return found
 
 
+def _possible(fitted: Callable[[Item], State], items: Iterable[Item]) -> list[State]:
+    """States fitted to each item, on all cores, but for those that no axis can have."""
+
+    def run(item: Item) -> State | None:
+        with contextlib.suppress(InputError):
+            return fitted(item)
+        return None
+
+    return [state for state in each(run, items) if state is not None]
+
+
 def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | None:
     """The trials that gain most, each fitted with all the rest; the best of them that holds."""
     good = [trial for trial in trials if significant(trial, state)]
     if not good:  # fitted in full one of them may be
         excess = state.fitted * (1.0 - 1.0 / state.scale)
         good = [trial for trial in trials if trial.gain > MOST * excess > GAIN_MIN]
-    contenders: list[State] = []
-    for trial in good[:CONTENDERS]:
-        if trial.gain < CONTENDER * good[0].gain:
-            break
-        progress(f"fitting {trial.found.kind.effect} at {trial.found.kind.location}")
-        fit = replace(state.fit, found=(*state.fit.found, trial.found))
-        with contextlib.suppress(InputError):  # an axis cannot have that beside the rest
-            near = len(contenders) < _SIMULATED
-            contenders.append(state.beside(fit) if near else State.along(fit, state.motion))
-    contenders.sort(key=_fitted)
-    fits = []
-    for i, contender in enumerate(contenders):
-        found = contender.fit.found[-1]
-        candidate = contender.simulated() if i < _SIMULATED else contender
-        if candidate.plausible and significant(candidate.against(state, found), state):
-            fits.append(candidate)
+    good = [trial for trial in good[:CONTENDERS] if trial.gain >= CONTENDER * good[0].gain]
+
+    def fitted(i: int) -> State:
+        progress(f"fitting {good[i].found.kind.effect} at {good[i].found.kind.location}")
+        fit = replace(state.fit, found=(*state.fit.found, good[i].found))
+        return state.beside(fit) if i < _SIMULATED else State.along(fit, state.motion)
+
+    contenders = sorted(_possible(fitted, range(len(good))), key=_fitted)
+    contenders[:_SIMULATED] = each(State.simulated, contenders[:_SIMULATED])
+    fits = [
+        one
+        for one in contenders
+        if one.plausible and significant(one.against(state, one.fit.found[-1]), state)
+    ]
     best = min(fits, key=_fitted, default=None)
     left = best or state
     if left.scale > RIGHT and any(isinstance(trial.found.kind, ExtraMode) for trial in trials):

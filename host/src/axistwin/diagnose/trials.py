@@ -13,6 +13,7 @@ from axistwin.diagnose.effects import Disturbance, Found, Kind, LeadError, Rippl
 from axistwin.diagnose.fit import solve_normal
 from axistwin.diagnose.forms import Form
 from axistwin.diagnose.linear import Torque
+from axistwin.diagnose.parallel import each
 from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State, Trial
 from axistwin.errors import InputError
 
@@ -82,12 +83,13 @@ class Trials:
 
     def run(self, kinds: Sequence[Kind], progress: Progress) -> list[Trial]:
         """The best of each kind, the most helpful first."""
-        trials = []
-        for kind in kinds:
+
+        def trial(kind: Kind) -> Trial | None:
             progress(f"trying {kind.effect} at {kind.location}")
-            trial = self._best(kind)
-            if trial is not None:
-                trials.append(self._replayed(trial) or trial)
+            best = self._best(kind)
+            return None if best is None else self._replayed(best) or best
+
+        trials = [one for one in each(trial, kinds) if one is not None]
         return sorted(trials, key=lambda trial: -trial.gain)
 
     def _replayed(self, trial: Trial) -> Trial | None:
