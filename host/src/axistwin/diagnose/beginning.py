@@ -39,13 +39,14 @@ def rigid_start(windows: Windows, hold: Hold) -> Rigid:
     return Rigid(1.0 / float(inverse), 0.0)
 
 
-def bases(start: Fit) -> list[State]:
+def bases(start: Fit, hopeless: float = np.inf) -> list[State]:
     """Plants that are near enough for effects to be told, without any; one when that is clear.
 
     Friction and load drag both angles away from a plant that has none: while its parameters are
     adjusted there is some of both. Where even so the error is far from noise, from wherever it is
     adjusted, something else drags: then one plant is as the start, which looks at fast motion only,
-    had it, and another as the adjustment left it.
+    had it, and another as the adjustment left it. Beyond a ``hopeless`` error [noise squared] no
+    other plants are tried.
     """
     channels = start.windows.channels
     dragging = (Coulomb(), Viscous(), Offset()) if channels == 2 else (Coulomb(), Offset())
@@ -57,7 +58,7 @@ def bases(start: Fit) -> list[State]:
         return State.along(state.fit.with_noise(state.motion), state.motion)
 
     best = fitted(start.plant)
-    if best.scale >= RIGHT:
+    if RIGHT <= best.scale < hopeless:
         best = min([best, *each(fitted, start.plant.others())], key=lambda state: state.scale)
     if best.scale < NEARLY_RIGHT:
         without = State(replace(best.fit, found=()), best.motion)

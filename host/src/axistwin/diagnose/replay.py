@@ -40,8 +40,8 @@ _OUTSIDE = (TorqueDelay, EncoderDelay, Saturation, LeadError, Eccentricity)
 #: A step of the simulation turns the vibration by this much at most.
 _VIBRATION_STEP_MAX = 0.1
 
-#: The same for the last digits where play lets the shaft go within a step, or friction a part of the
-#: axis; where its stiffness changes in it, of the vibration at the largest twist.
+#: The same for the last digits where play lets the shaft go within a step, or dry friction what it
+#: holds; where its stiffness changes in it, of the vibration at the largest twist.
 _PLAY_STEP_MAX = 0.03
 _DRY_STEP_MAX = 0.025
 _HARDENED_STEP_MAX = 0.06
