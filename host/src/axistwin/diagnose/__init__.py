@@ -5,7 +5,8 @@ The method is told in docs/diagnosis.md. The modules: ``intake`` looks whether a
 the catalogue adds along a motion, ``fit`` adjusts all their parameters, ``replay`` once more to a
 simulation of axis and effects: a ``state`` of the search. ``beginning``, ``spectrum`` and
 ``resonance`` tell where to begin, ``trials`` what each effect would gain, ``search`` decides which
-there are, ``answer`` puts it into numbers, ``report`` into words and figures.
+there are, ``nameless`` whether it is none of them, ``answer`` puts it into numbers, ``report`` into
+words and figures.
 """
 
 from __future__ import annotations

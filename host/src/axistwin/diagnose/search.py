@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TypeVar
 
 import numpy as np
 
-from axistwin.diagnose import resonance
+from axistwin.diagnose import nameless, resonance
 from axistwin.diagnose.effects import (
     FRICTION,
     MOTOR,
@@ -28,9 +26,8 @@ from axistwin.diagnose.effects import (
     catalogue,
 )
 from axistwin.diagnose.fit import Fit, solve
-from axistwin.diagnose.forms import forms
 from axistwin.diagnose.parallel import each
-from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State, Trial
+from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State, Trial, possible
 from axistwin.diagnose.trials import GAIN_MIN, MOST, T_MIN, Progress, Trials, significant
 from axistwin.errors import InputError
 
@@ -73,21 +70,11 @@ _REVISIONS = 3
 _WEIGHINGS = 2
 _SAME_CORNER = 0.1
 
-#: What a form of no name has to win on held-out windows, in units of the error squared: it can be
-#: bent in so many ways that some of it is chance. So many of the best are fitted in full.
-FORM_MIN = 50.0
-FORMS = 2
-
-#: The share of all errors that a simulation of what makes them may be wrong by.
-_INEXACT = 1e-6
-
 #: Mean square of an error, in units of the noise, from which a search in long windows is no use.
 _LOST = 1e3
 
 #: What is left has a mean square this many times that of the noise, at least: then there is more.
 UNEXPLAINED = 1.1
-
-Item = TypeVar("Item")
 
 
 def with_modes(state: State) -> list[Fit]:
@@ -196,8 +183,8 @@ def _lengthened(search: Search, parts: int, progress: Progress) -> Search:
     found = _settled(_extended(chain, list(search.trials[:-1]), progress), progress)
     if found.states[-1].scale < NEARLY_RIGHT:
         return found
-    nameless = _nameless(base, found.states[-1], progress)
-    return found if nameless is not None and nameless.state.scale < NEARLY_RIGHT else search
+    left = nameless.find(base, found.states[-1], progress)
+    return found if left is not None and left.state.scale < NEARLY_RIGHT else search
 
 
 def _settled(found: Search, progress: Progress) -> Search:
@@ -314,80 +301,21 @@ def _understood(search: Search, progress: Progress) -> Search:
     states = list(search.states)
     last = states[-1]
     named = [one for i, one in enumerate(last.fit.found) if _sure(last, i)]
-    nameless = _nameless(search.states[0], last, progress)
-    if nameless is not None:
-        still = [one.kind for one in _still(nameless.state)]
+    found = nameless.find(search.states[0], last, progress)
+    if found is not None:
+        still = [one.kind for one in nameless.still(found.state)]
         named = [one for one in named if one.kind in still]
     if len(named) < len(states) - 1:
         states = _chain(search, named)
     far = states[-1].scale > UNEXPLAINED and states[-1].fit.corner == 0.0
-    if far or nameless is not None:
+    if far or found is not None:
         excess = [state.scale - 1.0 for state in states]
         less = [after < _PART_LEFT * before for before, after in pairwise(excess)]
         states = states[: [*less, False].index(False) + 1]
         if excess[len(states) - 1] > _ALL_LEFT * excess[0]:
             states = states[:1]
-    form = None if nameless is None else nameless.trial
+    form = None if found is None else found.trial
     return Search(tuple(states), search.trials[: len(states)], form)
-
-
-@dataclass(frozen=True)
-class _Nameless:
-    """A form of no name: what it gains over the best that has been found, and a state with it."""
-
-    trial: Trial
-    state: State
-
-
-def _nameless(base: State, last: State, progress: Progress) -> _Nameless | None:
-    """A form of no name, if that does on held-out windows what nothing in the catalogue can do.
-
-    Near the noise such a form tells beside what has been found. Far from it what has been found may
-    stand in its way, so it is tried beside parts of that, too. The errors of the ``base`` without
-    any are what a simulation of them may be inexact by a little of.
-    """
-    found = last.fit.found
-    if last.fit.corner > 0.0:
-        return None  # there the torque is never all understood
-    besides = [last]
-    if last.scale > NEARLY_RIGHT:
-        parts = [found[:k] for k in range(len(found))]
-        parts += [(*found[:i], *found[i + 1 :]) for i in range(len(found) - 1)]
-        besides += _possible(
-            lambda part: State.along(replace(last.fit, found=part), last.motion), parts
-        )
-    tried = [
-        (beside, trial)
-        for beside in besides
-        for trial in Trials(beside).run(forms(last.fit.windows.channels), progress)[:FORMS]
-    ]
-
-    def fitted(one: tuple[State, Trial]) -> State:
-        beside, trial = one
-        fit = replace(beside.fit, found=(*beside.fit.found, trial.found))
-        return State.along(fit, beside.motion)
-
-    candidates = []
-    for (beside, trial), state in zip(tried, each(fitted, tried), strict=True):
-        gained = trial if beside.replay is not None else state.against(last, trial.found)
-        candidates.append(_Nameless(gained, state))
-    best = max(candidates, key=lambda one: one.trial.gain, default=None)
-    inexact = _INEXACT * float(np.sum(base.errors[base.fit.windows.held_out]))
-    if best is None or best.trial.total < max(FORM_MIN * last.scale, inexact):
-        return None
-    return best if significant(best.trial, last) else None
-
-
-def _still(nameless: State) -> Sequence[Found]:
-    """The effects that still have something to explain beside a form of no name."""
-    *found, form = nameless.fit.found
-    for one in tuple(reversed(found)):
-        rest = [other for other in found if other is not one]
-        without = State.along(replace(nameless.fit, found=(*rest, form)), nameless.motion)
-        if not significant(nameless.against(without, one), without):
-            nameless, found = without, rest
-        # Its values are other ones now, but the effects are in the same order.
-    return found
 
 
 def _sure(state: State, i: int) -> bool:
@@ -423,7 +351,7 @@ def _resonating(state: State, besides: State) -> list[State]:
     A mode bends a whole response: with so many unknowns it would find something to better anywhere.
     """
     found = []
-    for candidate in _possible(lambda fit: State.along(fit, state.motion), with_modes(state)):
+    for candidate in possible(lambda fit: State.along(fit, state.motion), with_modes(state)):
         part = (besides.scale - candidate.scale) / (besides.scale - 1.0)
         if (
             part > _GOOD_PART
@@ -432,17 +360,6 @@ def _resonating(state: State, besides: State) -> list[State]:
         ):
             found.append(candidate)
     return found
-
-
-def _possible(fitted: Callable[[Item], State], items: Iterable[Item]) -> list[State]:
-    """States fitted to each item, on all cores, but for those that no axis can have."""
-
-    def run(item: Item) -> State | None:
-        with contextlib.suppress(InputError):
-            return fitted(item)
-        return None
-
-    return [state for state in each(run, items) if state is not None]
 
 
 def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | None:
@@ -458,7 +375,7 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
         fit = replace(state.fit, found=(*state.fit.found, good[i].found))
         return state.beside(fit) if i < _SIMULATED else State.along(fit, state.motion)
 
-    contenders = sorted(_possible(fitted, range(len(good))), key=_fitted)
+    contenders = sorted(possible(fitted, range(len(good))), key=_fitted)
     contenders[:_SIMULATED] = each(State.simulated, contenders[:_SIMULATED])
     fits = [
         one

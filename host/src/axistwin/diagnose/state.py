@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +15,7 @@ from axistwin.core import Array
 from axistwin.diagnose.effects import DRY, Asymmetry, Found, Motion
 from axistwin.diagnose.fit import Fit, solve
 from axistwin.diagnose.linear import Rigid
+from axistwin.diagnose.parallel import each
 from axistwin.diagnose.replay import Replay, find_replay
 from axistwin.diagnose.windows import median_spectrum
 from axistwin.errors import InputError
@@ -242,3 +246,17 @@ class State:
             found.plausible and found.kind.possible(self.motion, found.shape)
             for found in self.fit.found
         )
+
+
+Item = TypeVar("Item")
+
+
+def possible(fitted: Callable[[Item], State], items: Iterable[Item]) -> list[State]:
+    """States fitted to each item, on all cores, but for those that no axis can have."""
+
+    def run(item: Item) -> State | None:
+        with contextlib.suppress(InputError):
+            return fitted(item)
+        return None
+
+    return [state for state in each(run, items) if state is not None]

@@ -1,0 +1,83 @@
+"""What a record holds that nothing in the catalogue is: the best of the forms that have no name."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from axistwin.diagnose.effects import Found
+from axistwin.diagnose.forms import forms
+from axistwin.diagnose.parallel import each
+from axistwin.diagnose.state import NEARLY_RIGHT, State, Trial, possible
+from axistwin.diagnose.trials import Progress, Trials, significant
+from axistwin.errors import InputError
+
+#: What a form has to win on held-out windows, in units of the error squared: it can be bent in so
+#: many ways that some of it is chance. So many of the best are fitted in full.
+_GAIN_MIN = 50.0
+_CONTENDERS = 2
+
+#: The share of all errors that a simulation of what makes them may be wrong by.
+_INEXACT = 1e-6
+
+
+@dataclass(frozen=True)
+class Nameless:
+    """A form of no name: what it gains over the best that has been found, and a state with it."""
+
+    trial: Trial
+    state: State
+
+
+def find(base: State, last: State, progress: Progress) -> Nameless | None:
+    """A form of no name, if that does on held-out windows what nothing in the catalogue can do.
+
+    Near the noise such a form tells beside what has been found. Far from it what has been found may
+    stand in its way, so it is tried beside parts of that, too. The errors of the ``base`` without
+    any are what a simulation of them may be inexact by a little of.
+    """
+    if last.fit.corner > 0.0:
+        return None  # there the torque is never all understood
+    tried = [
+        (beside, trial)
+        for beside in (last, *(_parts(last) if last.scale > NEARLY_RIGHT else ()))
+        for trial in Trials(beside).run(forms(last.fit.windows.channels), progress)[:_CONTENDERS]
+    ]
+
+    def fitted(one: tuple[State, Trial]) -> Nameless | None:
+        beside, trial = one
+        fit = replace(beside.fit, found=(*beside.fit.found, trial.found))
+        with contextlib.suppress(InputError):  # an axis cannot have that beside the rest
+            state = State.along(fit, beside.motion)
+            known = beside.replay is not None  # better than a state along a motion can be
+            return Nameless(trial if known else state.against(last, trial.found), state)
+        return None
+
+    candidates = [one for one in each(fitted, tried) if one is not None]
+    best = max(candidates, key=lambda one: one.trial.gain, default=None)
+    inexact = _INEXACT * float(np.sum(base.errors[base.fit.windows.held_out]))
+    if best is None or best.trial.total < max(_GAIN_MIN * last.scale, inexact):
+        return None
+    return best if significant(best.trial, last) else None
+
+
+def _parts(state: State) -> list[State]:
+    """States with the first of the effects of a state only, and with all of them but one."""
+    found = state.fit.found
+    parts = [found[:k] for k in range(len(found))]
+    parts += [(*found[:i], *found[i + 1 :]) for i in range(len(found) - 1)]
+    return possible(lambda part: State.along(replace(state.fit, found=part), state.motion), parts)
+
+
+def still(state: State) -> Sequence[Found]:
+    """The effects of a state that have something to explain beside the form that comes last."""
+    *found, form = state.fit.found
+    for one in tuple(reversed(found)):
+        rest = [other for other in found if other is not one]
+        without = State.along(replace(state.fit, found=(*rest, form)), state.motion)
+        if not significant(state.against(without, one), without):
+            state, found = without, rest
+    return found
