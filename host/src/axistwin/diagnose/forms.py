@@ -28,6 +28,9 @@ from axistwin.diagnose.linear import Plant
 #: Degrees of the polynomials: what is constant or straight has a name.
 _DEGREES = range(2, 9)
 
+#: Powers of a speed, each of which either direction has for itself.
+_POWERS = range(2, 6)
+
 #: Reaches of the elements that give way before they slip: of what an axis travels in a window, and
 #: of the rms of the twist.
 _TRAVELS = np.geomspace(3e-4, 0.1, 6)
@@ -58,12 +61,15 @@ class TorqueCurve(Form):
 
 
 class SpeedCurve(Form):
-    """Friction that goes with speed in some smooth way."""
+    """Friction that goes with speed in some smooth way, in each direction in one of its own."""
 
     effect = "speed_curve"
+    terms = 2 * len(_POWERS)
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
-        return [torque_at(self.place, term) for term in _polynomials(motion.speed[self.place])]
+        speed = motion.speed[self.place]
+        ways = [np.maximum(way * speed, 0.0) / np.max(np.abs(speed)) for way in (1.0, -1.0)]
+        return [torque_at(self.place, way**power) for way in ways for power in _POWERS]
 
 
 class TwistCurve(Form, Shaft):

@@ -35,15 +35,16 @@ class Nameless:
 def find(base: State, last: State, progress: Progress) -> Nameless | None:
     """A form of no name, if that does on held-out windows what nothing in the catalogue can do.
 
-    Near the noise such a form tells beside what has been found. Far from it what has been found may
-    stand in its way, so it is tried beside parts of that, too. The errors of the ``base`` without
-    any are what a simulation of them may be inexact by a little of.
+    Near the noise such a form tells beside what has been found, or instead of several that only
+    imitate it. Far from it what has been found may stand in its way, so it is tried beside parts of
+    that, too. The errors of the ``base`` without any are what a simulation of them may be inexact
+    by a little of.
     """
     if last.fit.corner > 0.0:
         return None  # there the torque is never all understood
     tried = [
         (beside, trial)
-        for beside in (last, *(_parts(last) if last.scale > NEARLY_RIGHT else ()))
+        for beside in (last, *_parts(last))
         for trial in Trials(beside).run(forms(last.fit.windows.channels), progress)[:_CONTENDERS]
     ]
 
@@ -56,19 +57,26 @@ def find(base: State, last: State, progress: Progress) -> Nameless | None:
             return Nameless(trial if known else state.against(last, trial.found), state)
         return None
 
-    candidates = [one for one in each(fitted, tried) if one is not None]
-    best = max(candidates, key=lambda one: one.trial.gain, default=None)
     inexact = _INEXACT * float(np.sum(base.errors[base.fit.windows.held_out]))
-    if best is None or best.trial.total < max(_GAIN_MIN * last.scale, inexact):
-        return None
-    return best if significant(best.trial, last) else None
+
+    def clear(one: Nameless) -> bool:
+        least = _GAIN_MIN * last.scale
+        if len(one.state.fit.found) > 1:
+            least = max(least, inexact)
+        return one.trial.total > least and significant(one.trial, last)
+
+    candidates = [one for one in each(fitted, tried) if one is not None and clear(one)]
+    return max(candidates, key=lambda one: one.trial.gain, default=None)
 
 
 def _parts(state: State) -> list[State]:
-    """States with the first of the effects of a state only, and with all of them but one."""
+    """States without the effects of a state; from afar with the first of them, and with all of them
+    but one, too."""
     found = state.fit.found
-    parts = [found[:k] for k in range(len(found))]
-    parts += [(*found[:i], *found[i + 1 :]) for i in range(len(found) - 1)]
+    parts: list[tuple[Found, ...]] = [()] if len(found) > 1 else []
+    if state.scale > NEARLY_RIGHT:
+        parts = [found[:k] for k in range(len(found))]
+        parts += [(*found[:i], *found[i + 1 :]) for i in range(len(found) - 1)]
     return possible(lambda part: State.along(replace(state.fit, found=part), state.motion), parts)
 
 
