@@ -231,7 +231,8 @@ class Fit:
         """The initial states (w, s) that explain most of the errors (c, w, l)."""
         vectors = self.vectors(errors)
         q, r = self._free
-        states: Array = scipy.linalg.solve_triangular(r, q.T @ vectors.T).T
+        # A window may have run away, which is no error of the others.
+        states: Array = scipy.linalg.solve_triangular(r, q.T @ vectors.T, check_finite=False).T
         return states
 
     # ---- What is known of the motion
