@@ -222,6 +222,16 @@ def test_sensitivities_are_derivatives() -> None:
         np.testing.assert_allclose(columns[:, i], slope, rtol=0.0, atol=5e-3 * size)
 
 
+def test_a_window_that_has_run_away_counts_although_it_is_held_out() -> None:
+    """No step is taken there: what is simulated next would begin from nowhere."""
+    cut = windows.cut(record(torque=TORQUE), 0.25)
+    fit = Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, NOISE))
+    residual = fit.residual(fit.motion(None))
+    assert np.isfinite(fit.misfit(residual))
+    residual[np.flatnonzero(cut.held_out)[0], 3] = np.inf
+    assert fit.misfit(residual) == np.inf
+
+
 def test_nothing_is_named_in_a_record_of_an_ideal_axis() -> None:
     found = diagnose(record(torque=TORQUE), window=0.25)
     assert found.findings == ()

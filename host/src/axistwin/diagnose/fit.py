@@ -535,7 +535,9 @@ class Fit:
         return self.misfit(residual) / residual[~self.windows.held_out].size
 
     def misfit(self, residual: Array) -> float:
-        """Sum of squares where the fit may look; infinite where something has run away."""
+        """Sum of squares where the fit may look; infinite where any window has run away."""
+        if not np.all(np.isfinite(residual)):
+            return np.inf
         return float(np.sum(residual[~self.windows.held_out] ** 2))
 
     def viscous(self, place: int) -> float:
