@@ -215,7 +215,6 @@ class _Replaying:
     def _rounds(self, point: _Point) -> _Point:
         """Adjusted as far as the horizon."""
         whole = self._horizon == self._windows.length
-        little = _LITTLE if whole else _LITTLE_FROM_AFAR
         point = self._point(point.fit, point.starts)
         most = _OUTLIERS_MAX
         for _ in range(_ROUNDS):
@@ -306,8 +305,9 @@ class _Replaying:
 
     # ---- The beginning of each window
 
-    def _begun(self, point: _Point, most: float = _OUTLIERS_MAX) -> _Point:
-        """Every window from the best start that can be found for it, unless they are too many.
+    def _begun(self, point: _Point, most: float) -> _Point:
+        """Every window from the best start that can be found for it, unless those that are off are
+        more than a share of all.
 
         Friction and play have an axis forget how it began, so that no small step of a whole window
         leads to a better beginning: its first part is made right first, then more and more; from
