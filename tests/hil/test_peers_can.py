@@ -19,6 +19,7 @@ from pathlib import Path
 
 import canopen
 import numpy as np
+import pyte
 import pytest
 
 from axistwin.readers import read_record
@@ -30,7 +31,7 @@ from .conftest import wait_until
 CONTRACT = (str(REPOSITORY / "drivers" / "contract" / "axistwin.dbc"), "-m", "0x780")
 IDENTIFY, STREAM_START = "201#0100000000000000", "201#0200000064000000"  # one of 100 samples
 FAR = "vcan1"
-PATIENCE = 60.0
+PATIENCE = 300.0
 ROWS, COLUMNS = 60, 160
 
 
@@ -66,37 +67,41 @@ def candump(count: int, interface: str, *, cause: Callable[[], object]) -> str:
         return process.communicate(timeout=PATIENCE)[0]
 
 
-def read_screen(screen: int) -> bytes:
-    """What a terminal shows next; a program that shows nothing has failed."""
-    ready, _, _ = select.select([screen], [], [], PATIENCE)
+def read_from(terminal: int) -> bytes:
+    """What a program writes next; one that writes nothing has failed."""
+    ready, _, _ = select.select([terminal], [], [], PATIENCE)
     assert ready
-    return os.read(screen, 65536)
+    return os.read(terminal, 65536)
 
 
 def on_screen(command: tuple[str, ...], *words: str) -> None:
-    """Runs a program on a terminal until it has shown all the words, and quits it by `q`."""
-    screen, terminal = pty.openpty()
-    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
+    """Runs a program on a terminal until all the words are on its screen, and quits it by `q`.
+
+    Where a line of text changes, a program writes no more than the characters that do: so the words
+    are looked for on the screen, and not in what is written.
+    """
+    screen = pyte.Screen(COLUMNS, ROWS)
+    stream = pyte.ByteStream(screen)
+    ours, its = pty.openpty()
+    fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
     environment = {**os.environ, "TERM": "xterm"}
-    process = subprocess.Popen(
-        command, stdin=terminal, stdout=terminal, stderr=terminal, env=environment
-    )
-    os.close(terminal)
-    shown = b""
+    process = subprocess.Popen(command, stdin=its, stdout=its, stderr=its, env=environment)
+    os.close(its)
     try:
         end = time.monotonic() + PATIENCE
-        while not all(word.encode() in shown for word in words):
-            assert time.monotonic() < end, shown
-            shown += read_screen(screen)
-        os.write(screen, b"q")
+        while not all(word in "\n".join(screen.display) for word in words):
+            assert time.monotonic() < end, screen.display
+            stream.feed(read_from(ours))
+        os.write(ours, b"q")
         while process.poll() is None:
-            read_screen(screen)
+            read_from(ours)
     except OSError:  # the terminal is gone, and so is the program
         process.wait(PATIENCE)
     finally:
         process.kill()
-        os.close(screen)
-    assert process.wait() == 0, shown
+        process.wait()
+        os.close(ours)
+    assert process.returncode == 0, screen.display
 
 
 pytestmark = pytest.mark.needs(INTERFACE)
