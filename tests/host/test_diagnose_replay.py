@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -223,6 +224,37 @@ def test_friction_of_a_rigid_axis_that_stops_is_found() -> None:
     assert mean_square(played) == pytest.approx(1.0, abs=0.05)
     truth = np.array([1.5e-3, viscous, friction])
     assert np.max(np.abs(played.fit.values / truth - 1.0)) < 0.01
+
+
+@pytest.mark.parametrize(("place", "friction"), [(0, 0.035), (1, 0.02)])
+def test_a_replay_beside_another_one_begins_as_that(
+    place: int, friction: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    effect = Effect("friction_coulomb", ("motor", "table")[place], {"torque": friction})
+    found = (Found(Coulomb(place), np.array([0.96 * friction]), ()),)
+    first = fitted(record((effect,)), TwoInertias(AXIS), found)
+    # In windows that are all fitted, and a little off, as one with a further effect begins.
+    all_fitted = replace(first.fit.windows, held_out=np.zeros(first.fit.windows.count, np.bool_))
+    off = replace(first.fit.with_values(first.fit.values * (1.0 + 1e-5)), windows=all_fitted)
+
+    steps = 0
+    simulate = core.simulate_windows
+
+    def counted(*given: Any) -> tuple[Array, Array]:
+        nonlocal steps
+        steps += given[3].size * given[6]
+        return simulate(*given)
+
+    monkeypatch.setattr(core, "simulate_windows", counted)
+    alone = find_replay(off, first.motion)
+    of_alone, steps = steps, 0
+    beside = find_replay(off, first.motion, first)
+    assert alone is not None
+    assert beside is not None
+    assert steps < 0.95 * of_alone  # as many are then taken finely, by both
+    for one in (alone, beside):
+        assert mean_square(one) == pytest.approx(1.0, abs=0.02)
+    np.testing.assert_allclose(beside.fit.values, alone.fit.values, rtol=2e-3, atol=2e-6)
 
 
 def test_nothing_is_simulated_that_a_window_shows_no_beginning_of() -> None:

@@ -584,7 +584,11 @@ class Fit:
 
     def with_noise(self, motion: Motion) -> Fit:
         """The same, each channel weighted by its noise."""
-        floor = noise_floor(self.simulation_error(motion))
+        return self.hearing(self.simulation_error(motion))
+
+    def hearing(self, errors: Array) -> Fit:
+        """The same, each channel weighted by the noise in errors (c, w, l) of a simulation."""
+        floor = noise_floor(errors)
         rounding = 1e-15 * float(np.max(np.abs(self.windows.angles)))
         return replace(self, noise=np.maximum(floor, max(rounding, 1e-300)))
 

@@ -102,6 +102,16 @@ class Replay:
     _point: _Point
     _of_states: Array
 
+    @property
+    def starts(self) -> Array:
+        """The states (w, 4) that windows begin from, in the order of core.State."""
+        return self._point.starts
+
+    @property
+    def substeps(self) -> int:
+        """Steps of the simulation from one sample to the next."""
+        return self._replaying.substeps
+
     def residual_of(self, fit: Fit) -> Array:
         """The errors of other unknowns (w, c l), less what initial states explain.
 
@@ -124,8 +134,9 @@ class Replay:
         return list((of_sizes - explained).transpose(2, 0, 1))
 
 
-def find_replay(fit: Fit, motion: Motion) -> Replay | None:
-    """The fit adjusted once more, from where it is.
+def find_replay(fit: Fit, motion: Motion, near: Replay | None = None) -> Replay | None:
+    """The fit adjusted once more, from where it is; its windows begin as those of one that is
+    ``near``, if they can.
 
     None when it has nothing inside the axis, or something of which a window shows no beginning.
     """
@@ -133,7 +144,8 @@ def find_replay(fit: Fit, motion: Motion) -> Replay | None:
     if not inside or any(isinstance(one.kind, ExtraMode) for one in inside) or fit.noise is None:
         return None
     try:
-        return _Replaying(fit, motion).adjusted()
+        replaying = _Replaying(fit, motion)
+        return (replaying.adjusted_from(near) if near else None) or replaying.adjusted()
     except InputError:  # parameters that no axis has
         return None
 
@@ -167,19 +179,35 @@ class _Replaying:
         steps = np.array([1.0, fast, slow, 1.0])
         self._state_steps = (_STATE_STEP * noise * steps)[self._free]
         self._turned = fast * fit.windows.time_step
-        self._substeps = self._steps(_VIBRATION_STEP_MAX)
+        self.substeps = self._steps(_VIBRATION_STEP_MAX)
 
     def adjusted(self) -> Replay:
         """Raises InputError where there is no way to begin."""
         point = self._beginning(self._fit)
         if not self._near(point):
             point = self._from_afar()
-        self._substeps = self._finer_steps()
-        point = self._rounds(point)
+        self.substeps = self._finer_steps()
+        return self._replay(self._refined(self._rounds(point)))
+
+    def adjusted_from(self, near: Replay) -> Replay | None:
+        """The same where windows begin as those of another one; None if that is far off."""
+        coarse = self.substeps
+        self.substeps = max(self._finer_steps(), near.substeps)
+        point = self._point(self._fit, near.starts)
+        if self._near(point):
+            return self._replay(self._refined(self._rounds(point)))
+        self.substeps = coarse
+        return None
+
+    def _refined(self, point: _Point) -> _Point:
+        """The same with finer steps, where those may be what leaves more than noise."""
         finer = self._steps(_DRY_STEP_MAX)
-        if self._dry and finer > self._substeps and self._nearly_right(point):
-            self._substeps = finer
-            point = self._rounds(point)
+        if not self._dry or finer <= self.substeps or not self._nearly_right(point):
+            return point
+        self.substeps = finer
+        return self._rounds(point)
+
+    def _replay(self, point: _Point) -> Replay:
         of_states, columns = self._derivatives(point)
         _, explained = _eliminated(of_states, columns)
         left = (columns - explained).transpose(0, 2, 1)
@@ -232,7 +260,7 @@ class _Replaying:
 
     def _finer_steps(self) -> int:
         """From one sample to the next, where the shaft is not linear."""
-        finest = self._substeps
+        finest = self.substeps
         for one in self._fit.found:
             if isinstance(one.kind, Backlash):
                 finest = max(finest, self._steps(_PLAY_STEP_MAX))
@@ -406,7 +434,7 @@ class _Replaying:
             torque[chosen, : horizon or self._horizon] * self._force(fit) / turn,
             windows.time[chosen, 0],
             absolute * turn,
-            self._substeps,
+            self.substeps,
         )
         return np.stack([angles / turn + starts[:, 3:], speeds / turn])
 

@@ -55,6 +55,11 @@ class Trial:
         return float(np.sum((self.before - self.after)[self.held_out]))
 
     @property
+    def worth(self) -> float:
+        """What tells its shape: held-out windows, too, where all of it may lie in one of them."""
+        return self.gain + (self.total if self.found.kind.moment else 0.0)
+
+    @property
     def share(self) -> float:
         """The share of the held-out error that is gained."""
         return self.total / float(np.sum(self.before[self.held_out]))
@@ -99,7 +104,7 @@ class State:
     def beside(self, fit: Fit) -> State:
         """Another fit near this one, adjusted from here: to a simulation if this one is."""
         if self.replay is not None:
-            replayed = State(fit, self.motion).replayed()
+            replayed = State(fit, self.motion).replayed(self.replay)
             if replayed.replay is not None:
                 return replayed
         return State.along(fit, self.motion)
@@ -108,14 +113,19 @@ class State:
         """With a simulation of the effects, where more is left than noise."""
         return self.replayed() if self.replay is None and self.scale > _ALL else self
 
-    def replayed(self) -> State:
-        """The same adjusted to a simulation of the effects, if that brings it nearer."""
+    def replayed(self, near: Replay | None = None) -> State:
+        """The same adjusted to a simulation of the effects, if that brings it nearer; ``near``
+        there is another one in the same windows."""
         if self.fit.corner > 0.0:
             return self  # that is for the last digits above the noise
-        replay = find_replay(self.fit, self.motion)
+        replay = find_replay(self.fit, self.motion, near)
         if replay is None or self.fit.misfit(replay.residual) > self.fitted:
             return self
         return State(replay.fit, replay.motion, replay)
+
+    def heard(self) -> State:
+        """The same along its motion, weighted by the noise in its own errors."""
+        return State(self.fit.hearing(self.simulation_error), self.motion)
 
     @cached_property
     def residual(self) -> Array:
@@ -180,6 +190,11 @@ class State:
     def against(self, other: State, found: Found) -> Trial:
         """What this state gains over another one by an effect."""
         return Trial(found, other.errors, self.errors, self.fit.windows.held_out)
+
+    def excess(self, *, held_out: bool) -> float:
+        """The error of the windows that are held out, or of the others, beyond noise."""
+        errors = self.errors[self.fit.windows.held_out == held_out]
+        return float(np.sum(errors - self.samples))
 
     @cached_property
     def covariance(self) -> Array:
