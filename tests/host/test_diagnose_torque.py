@@ -76,7 +76,8 @@ def test_errors_of_a_white_torque_are_white_beyond_their_corner(unknown: float) 
 
 
 def test_noise_alone_changes_no_weight() -> None:
-    found = search.look([base(pushed(0.0, 1e-5))], lambda _: None)
+    start = base(pushed(0.0, 1e-5))
+    found = search.look([start], start.fit.windows, lambda _: None)
     assert found.states[-1].fit.corner == 0.0
     assert found.states[-1].fit.found == ()
 

@@ -4,9 +4,9 @@ The method is told in docs/diagnosis.md. The modules: ``intake`` looks whether a
 ``windows`` cuts it, ``linear`` is the axis that answers any torque, ``effects`` what each effect of
 the catalogue adds along a motion, ``fit`` adjusts all their parameters, ``replay`` once more to a
 simulation of axis and effects: a ``state`` of the search. ``beginning``, ``spectrum`` and
-``resonance`` tell where to begin, ``trials`` what each effect would gain, ``search`` decides which
-there are, ``nameless`` whether it is none of them, ``answer`` puts it into numbers, ``report`` into
-words and figures.
+``resonance`` tell where to begin, ``trials`` what each effect would gain, ``selection`` decides
+which of them there are and ``search`` in which windows, ``nameless`` whether it is none of them,
+``answer`` puts it into numbers, ``report`` into words and figures.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Plant, Rigid, TwoInertias
 from axistwin.diagnose.parallel import quiet
 from axistwin.diagnose.result import Diagnosis
+from axistwin.diagnose.selection import Search
 from axistwin.diagnose.windows import LENGTH_MIN, Windows
 from axistwin.errors import NotEnoughDataError
 from axistwin.identify import output_error, rigid
@@ -37,6 +38,9 @@ _FAR = 100.0
 _HOPELESS = 1e6
 _SHORTER = 16
 _PERIODS = 3.0
+
+#: Samples that effects are looked for in first: those that are large need no more.
+_FIRST_SAMPLES = 20_000
 
 #: Samples that a first guess of the axis is made from.
 _START_SAMPLES = 20_000
@@ -64,17 +68,17 @@ def diagnose(
         return answer.of(record, found, examined)
 
 
-def _searched(record: Record, cut: Windows, hold: Hold, progress: Progress) -> search.Search:
+def _searched(record: Record, cut: Windows, hold: Hold, progress: Progress) -> Search:
     progress("looking for the axis")
     start = _start(record, cut, hold, progress)
-    bases = beginning.bases(Fit(cut, hold, start), _HOPELESS)
+    bases = beginning.bases(Fit(cut.part(_FIRST_SAMPLES), hold, start), _HOPELESS)
     parts = 1
     if all(base.scale > _FAR for base in bases) and isinstance(start, TwoInertias):
         parts = _parts(start, cut)
         length = cut.length // parts
         cut = windows.cut(record, parts * length * record.time_step)
-        bases = beginning.bases(Fit(cut.recut(length), hold, start))
-    return search.look(bases, progress, parts)
+        bases = beginning.bases(Fit(cut.part(_FIRST_SAMPLES).recut(length), hold, start))
+    return search.look(bases, cut, progress, parts)
 
 
 def _parts(start: TwoInertias, cut: Windows) -> int:

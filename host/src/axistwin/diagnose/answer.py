@@ -31,7 +31,8 @@ from axistwin.diagnose.result import (
     Signals,
     Track,
 )
-from axistwin.diagnose.search import UNEXPLAINED, Search
+from axistwin.diagnose.search import UNEXPLAINED
+from axistwin.diagnose.selection import Search
 from axistwin.diagnose.state import State
 from axistwin.diagnose.windows import coloured
 from axistwin.identify.result import Quantity, quantity, unit
@@ -81,7 +82,7 @@ class _Answer:
         if self._last.replay is None:
             self._final = State.along(last, self._last.motion).replayed()
         else:
-            self._final = State(last, self._last.motion).replayed()
+            self._final = State(last, self._last.motion).replayed(self._last.replay)
         for i, found in enumerate(last.found):
             if isinstance(found.kind, LoadChange):
                 self._final = _at_best_moment(self._final, i)

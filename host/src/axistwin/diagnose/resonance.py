@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import scipy.optimize
 import scipy.signal
 
@@ -86,15 +87,8 @@ def find(windows: Windows, acting: Array) -> list[tuple[TwoInertias, Found]]:
 
 def _measured(windows: Windows, acting: Array) -> _Spectra:
     step = windows.time_step
-    length, starts = windows.length, windows.length * np.arange(windows.count)
-    joined = 1
-    if np.all(np.diff(windows.index.ravel()) == 1):
-        wanted = int(np.ceil(_SEGMENT / (length * step)))
-        joined = min(wanted, windows.count // WINDOWS_MIN)
-        length *= joined
-        starts = np.arange(0, windows.index.size - length + 1, length // _OVERLAP)
-    chosen = starts[:, None] + np.arange(length)
-    length -= 3
+    chosen = _segments(windows)
+    length = chosen.shape[1] - 3
 
     def segments(values: Array) -> Array:
         cut: Array = values.ravel()[chosen]
@@ -129,6 +123,17 @@ def _measured(windows: Windows, acting: Array) -> _Spectra:
     # A torque that is held acts half a sample late, and a second difference is not s^2.
     exact = (half / np.sin(half)) ** 3 * np.exp(1j * half) / step**2 / power
     return _Spectra(omega, exact * of_motor, exact * of_table, ratio, weight)
+
+
+def _segments(windows: Windows) -> npt.NDArray[np.intp]:
+    """Which of the samples in windows, one window after the other, are in each segment (s, l)."""
+    breaks = np.flatnonzero(np.diff(windows.index.ravel()) != 1) + 1
+    runs = np.split(np.arange(windows.index.size), breaks)
+    wanted = int(np.ceil(_SEGMENT / (windows.length * windows.time_step)))
+    shortest = min(len(run) for run in runs) // windows.length
+    length = min(wanted, shortest, windows.count // WINDOWS_MIN) * windows.length
+    starts = [run[: len(run) - length + 1 : length // _OVERLAP] for run in runs]
+    return np.concatenate(starts)[:, None] + np.arange(length)
 
 
 def _related(count: int) -> float:

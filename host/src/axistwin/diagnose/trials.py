@@ -128,12 +128,12 @@ class Trials:
     def _best_of(self, kind: Kind, shapes: Sequence[Shape]) -> Trial | None:
         trials = [self._try(Found(kind, np.zeros(kind.sizes), shape)) for shape in shapes]
 
-        def worth(trial: Trial) -> tuple[bool, float]:
+        def order(trial: Trial) -> tuple[bool, float]:
             # What is slow can go with a wave that means nothing, and hide one that does.
             holds = not isinstance(kind, Wave) or significant(trial, self._state)
-            return holds, trial.gain + (trial.total if kind.moment else 0.0)
+            return holds, trial.worth
 
-        return max((trial for trial in trials if trial), key=worth, default=None)
+        return max((trial for trial in trials if trial), key=order, default=None)
 
     def _shapes(self, kind: Kind) -> Sequence[Shape]:
         if isinstance(kind, (Ripple, LeadError, Disturbance)):
@@ -190,12 +190,12 @@ class Trials:
                     trial = self._try(found.with_values(values))
                 except InputError:
                     continue
-                if trial is not None and trial.gain > best.gain:
+                if trial is not None and trial.worth > best.worth:
                     break
             else:
                 return best
-            gained, best = trial.gain - best.gain, trial
-            if gained < 1e-3 * abs(best.gain):
+            gained, best = trial.worth - best.worth, trial
+            if gained < 1e-3 * abs(best.worth):
                 break
         return best
 
@@ -225,8 +225,16 @@ class Trials:
         strength = self._strength(kind, lowest, highest, weights)
         found = spectrum.peaks(argument, scores, lowest, highest, strength, _WAVES, whole)
         if isinstance(kind, LeadError):
+            if found and any(found[0] % counts == 0.0 for counts in self._counts(highest)):
+                return []  # the rounding of an encoder, and images of that
             found = [periods for periods in found if periods != 1.0]  # that is an eccentricity
         return found
+
+    def _counts(self, most: float) -> list[int]:
+        """The counts a turn of coarse encoders, of those that have up to ``most``."""
+        turn = self.motion.turn
+        steps = (step for step in self.fit.windows.steps if step is not None)
+        return [round(turn / step) for step in steps if 1.0 <= turn / step <= most]
 
     def scores(self, error: Array, place: int) -> Array:
         """Inner products (w, l) of weighted errors (w, c l) with what unit torques at a place move.

@@ -14,6 +14,7 @@ import numpy.typing as npt
 import scipy.signal
 
 from axistwin.core import Array
+from axistwin.diagnose.channels import resolution
 from axistwin.errors import NotEnoughDataError
 from axistwin.record import Record
 
@@ -23,6 +24,12 @@ WINDOW = 0.5
 #: Windows there have to be at least, and samples in each.
 WINDOWS_MIN = 9
 LENGTH_MIN = 24
+
+#: Stretches of windows in a part of them, at least.
+_STRETCHES_MIN = 6
+
+#: The golden section.
+_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 #: Samples that are looked at, spread over the record: more make no answer better.
 SAMPLES_MAX = 400_000
@@ -53,6 +60,7 @@ class Windows:
 
     ``time`` (w, l) [s] from the first sample of the record, ``angles`` (c, w, l) as measured [rad],
     ``torque`` (n,) of the whole record [N m], ``held_out`` (w,). A ``linear`` axis reads m, N.
+    ``steps`` (c) [rad]: of encoders that are seen to round, else None.
     """
 
     index: npt.NDArray[np.int64]
@@ -61,6 +69,7 @@ class Windows:
     torque: Array
     held_out: npt.NDArray[np.bool_]
     linear: bool
+    steps: tuple[float | None, ...]
 
     @property
     def count(self) -> int:
@@ -87,6 +96,28 @@ class Windows:
         """Values (n,) of a channel in windows (w, l)."""
         cut: Array = values[self.index]
         return cut
+
+    def part(self, samples: int) -> Windows:
+        """Windows with about so many samples, in stretches that are spread over the record; all
+        where those are not even twice as many.
+
+        Each stretch has its place by the golden section: were they in step, one wave would look
+        like another. What is held out stays so.
+        """
+        stretches = self.count // FOLD
+        wanted = max(_STRETCHES_MIN, samples // (FOLD * self.length))
+        if stretches < 2 * wanted:
+            return self
+        ends = np.arange(wanted + 1) * stretches // wanted
+        places = np.arange(wanted) * _GOLDEN % 1.0
+        firsts = FOLD * (ends[:-1] + (places * np.diff(ends)).astype(np.int64))
+        chosen = (firsts[:, None] + np.arange(FOLD)).ravel()
+        return replace(
+            self,
+            index=self.index[chosen],
+            angles=self.angles[:, chosen],
+            held_out=self.held_out[chosen],
+        )
 
     def recut(self, length: int) -> Windows:
         """The same samples in windows of another length: so many parts of each, or so many of them
@@ -132,6 +163,7 @@ def cut(record: Record, window: float | None = None) -> Windows:
         record.torque,
         _held_out(len(index)),
         record.linear,
+        tuple(resolution(angle) for angle in angles),
     )
 
 

@@ -1,0 +1,117 @@
+"""The search for effects: first in a part of the record, then in all of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from axistwin.core import Effect
+from axistwin.diagnose import diagnose, resonance, search, windows
+from axistwin.diagnose.effects import ExtraMode, Found
+from axistwin.diagnose.fit import Fit
+from axistwin.diagnose.linear import TwoInertias
+from axistwin.diagnose.state import State
+
+from .diagnosis_records import AXIS, NOISE, STEP, record, shake
+
+#: Of it a search begins with less than half.
+TORQUE = shake(20_000)
+WINDOW = 0.25
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search that begins with as few windows as it can."""
+    monkeypatch.setattr("axistwin.diagnose._FIRST_SAMPLES", 1)
+
+
+@pytest.mark.usefixtures("few")
+def test_a_load_that_changes_where_the_search_did_not_look_is_found_to_the_moment() -> None:
+    cut = windows.cut(record(torque=TORQUE), WINDOW)
+    looked_at = cut.part(1).index[:, 0]
+    gap = int(np.argmax(np.diff(looked_at)))
+    middle = 0.5 * STEP * float(looked_at[gap] + looked_at[gap + 1])
+    change = Effect("load_change", "table", {"ratio": 1.05, "time": middle})
+    (found,) = diagnose(record(change, torque=TORQUE), window=WINDOW).findings
+    assert found.effect == "load_change"
+    assert found.params["time"] == pytest.approx(middle, abs=2.0 * STEP)
+    assert found.params["ratio"] == pytest.approx(1.05, abs=1e-3)
+
+
+@pytest.mark.usefixtures("few")
+def test_what_only_the_whole_record_shows_is_found() -> None:
+    params = {"amplitude": 1.4e-6, "frequency": 31.7, "phase": 0.4}
+    whole = record(Effect("disturbance", "motor", params), torque=TORQUE)
+    (found,) = diagnose(whole, window=WINDOW).findings
+    assert found.effect == "disturbance"
+    assert found.params["frequency"] == pytest.approx(31.7, abs=0.05)
+    assert whole.theta2 is not None
+    part = slice(5_000)  # as much as the search begins with
+    short = replace(
+        whole,
+        time=whole.time[part],
+        torque=whole.torque[part],
+        theta1=whole.theta1[part],
+        theta2=whole.theta2[part],
+    )
+    assert diagnose(short, window=WINDOW).findings == ()
+
+
+def test_a_command_that_is_clipped_in_a_window_held_out_is_found() -> None:
+    torque, limit = TORQUE.copy(), 1.02 * float(np.max(np.abs(TORQUE)))
+    cut = windows.cut(record(torque=torque), WINDOW)
+    (lone,) = cut.index[cut.held_out][13:14]
+    torque[lone[100:140]] = limit * (1.0 + 0.1 * np.sin(np.pi * np.arange(40) / 39.0))
+    clipped = Effect("torque_saturation", "motor", {"limit": limit})
+    diagnosis = diagnose(record(clipped, torque=torque), window=WINDOW)
+    (found,) = diagnosis.findings
+    assert found.effect == "torque_saturation"
+    assert found.params["limit"] == pytest.approx(limit, rel=1e-4)
+    assert not diagnosis.unexplained
+
+
+def test_noise_that_further_initial_states_explain_is_no_gain() -> None:
+    cut = windows.cut(record(torque=shake(16_000)), WINDOW)
+    fit = Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, NOISE))
+    mode = Found(ExtraMode(1), np.array([1e-6]), (600.0, 0.02))
+    two, three = (State(one, one.motion(None)) for one in (fit, replace(fit, found=(mode,))))
+    assert two.fitted - three.fitted > np.count_nonzero(~cut.held_out)
+    for held_out in (True, False):
+        spread = np.sqrt(4.0 * np.count_nonzero(cut.held_out == held_out))
+        difference = two.excess(held_out=held_out) - three.excess(held_out=held_out)
+        assert abs(difference) < 4.0 * spread
+
+
+def test_the_rounding_of_a_coarse_encoder_is_no_error_of_a_screw() -> None:
+    whole = record(torque=TORQUE)
+    assert whole.theta2 is not None
+    step = 2.0 * np.pi / 90.0
+    (found,) = diagnose(
+        replace(whole, theta2=step * np.floor(whole.theta2 / step)), window=WINDOW
+    ).findings
+    assert (found.effect, found.params["counts"]) == ("quantisation", 90.0)
+
+
+def test_a_mode_is_found_where_the_response_does_not_show_where_it_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(resonance, "find", lambda *_: [])
+    params = {"frequency": 60.0, "damping_ratio": 0.02, "mass_ratio": 0.004}
+    light = record(Effect("extra_mode", "table", params), torque=TORQUE)
+    (found,) = diagnose(light, window=0.1).findings
+    assert found.effect == "extra_mode"
+    assert found.params["frequency"] == pytest.approx(60.0, rel=0.01)
+    assert found.params["mass_ratio"] == pytest.approx(0.004, rel=0.2)
+
+
+def test_the_noise_is_heard_again_once_the_axis_is_understood() -> None:
+    """In the errors of an axis that is far off there may be more than noise at all frequencies."""
+    friction = Effect("friction_coulomb", "table", {"torque": 0.01})
+    cut = windows.cut(record(friction, torque=TORQUE), WINDOW)
+    fit = Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, 1.2 * NOISE))
+    found = search.look([State(fit, fit.motion(None))], cut, lambda _: None)
+    assert [one.kind.effect for one in found.states[-1].fit.found] == ["friction_coulomb"]
+    for state in found.states:
+        assert state.fit.noise == pytest.approx(NOISE, rel=0.05)
