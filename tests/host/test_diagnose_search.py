@@ -40,6 +40,17 @@ def test_a_load_that_changes_where_the_search_did_not_look_is_found_to_the_momen
     assert found.params["ratio"] == pytest.approx(1.05, abs=1e-3)
 
 
+def test_a_load_may_change_whenever_samples_are_missing() -> None:
+    """A moment that lies between two windows is as likely all along from the one to the other."""
+    missing = np.arange(9_030, 9_130)
+    change = Effect("load_change", "table", {"ratio": 0.3, "time": 9.07})
+    lossy = replace(record(change, torque=TORQUE), missing=missing)
+    found = diagnose(lossy, window=WINDOW).findings[0]
+    assert found.effect == "load_change"
+    first, last = found.ci95["time"]
+    assert first < STEP * missing[0] < STEP * missing[-1] < last
+
+
 @pytest.mark.usefixtures("few")
 def test_what_only_the_whole_record_shows_is_found() -> None:
     params = {"amplitude": 1.4e-6, "frequency": 31.7, "phase": 0.4}

@@ -141,7 +141,9 @@ class _Answer:
         unknown, moments = _around(state, i)
         misfits = np.array([state.misfit_at(unknown, moment) for moment in moments])
         likely = moments[misfits < np.min(misfits) + _LIKELY * state.scale]
-        return min(near[0], float(likely[0])), max(near[1], float(likely[-1]))
+        first, _ = state.fit.windows.unseen(float(likely[0]))
+        _, last = state.fit.windows.unseen(float(likely[-1]))
+        return min(near[0], first), max(near[1], last)
 
     def _of_the_record(self) -> list[Finding]:
         """What the wire and the encoders do, which no simulation shows."""

@@ -97,6 +97,14 @@ class Windows:
         cut: Array = values[self.index]
         return cut
 
+    def unseen(self, moment: float) -> tuple[float, float]:
+        """From which time to which [s] the windows see as little as at a moment: a gap between two
+        of them, or the moment alone."""
+        time = self.time.ravel()
+        k = int(np.clip(np.searchsorted(time, moment), 1, len(time) - 1))
+        gap = float(time[k - 1]), float(time[k])
+        return gap if gap[1] - gap[0] > 1.5 * self.time_step else (moment, moment)
+
     def part(self, samples: int) -> Windows:
         """Windows with about so many samples, in stretches that are spread over the record; all
         where those are not even twice as many.
