@@ -247,6 +247,18 @@ axt_status axt_machine_set(axt_machine *machine, const axt_motion *motion, axt_r
     return AXT_OK;
 }
 
+axt_status axt_machine_set_mode(axt_machine *machine, axt_real twist, axt_real speed) {
+    if (!axt_finite(twist) || !axt_finite(speed)) {
+        return AXT_ERROR_NOT_FINITE;
+    }
+    if (!(axt_abs(twist) <= twist_max) || !(axt_abs(speed) <= AXT_R(2) * machine->speed_max)) {
+        return AXT_ERROR_RANGE;
+    }
+    machine->mode_twist = twist;
+    machine->mode_speed = speed;
+    return AXT_OK;
+}
+
 void axt_machine_read(const axt_machine *machine, axt_motion *motion) {
     if (machine->ideal) {
         axt_plant_read(&machine->plant, motion);

@@ -85,6 +85,12 @@ axt_status axt_machine_init(axt_machine *machine, const axt_axis *axis, axt_real
  * these speeds. Fails as axt_plant_set(), and the machine is then as it was. */
 axt_status axt_machine_set(axt_machine *machine, const axt_motion *motion, axt_real torque);
 
+/* Puts the further mode into a state, after axt_machine_set(), which has it at rest against the
+ * table: `twist` [rad] of the table less the further inertia, `speed` [rad/s] likewise. Without a
+ * further mode that is ignored. AXT_ERROR_NOT_FINITE; AXT_ERROR_RANGE beyond 1000 rad or a turn a
+ * step: the machine is then as it was. */
+axt_status axt_machine_set_mode(axt_machine *machine, axt_real twist, axt_real speed);
+
 /* One step; `torque` [N m] is the command at its end. Cost: that of axt_plant_step() when the axis
  * is ideal, otherwise about 150 operations, 80 more for each further sweep (4 at most), 30 for each
  * wave and disturbance, and an exponential for each Stribeck effect. Fails as axt_plant_step():

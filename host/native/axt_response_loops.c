@@ -69,8 +69,8 @@ static void start_later(axt_axis *axis, axt_effects *effects, axt_real time) {
 
 axt_status axt_loop_windows(const axt_axis *axis, const axt_effects *effects, axt_real time_step,
                             uint32_t substeps, const axt_real *times, const axt_motion *starts,
-                            const axt_real *torque, size_t windows, size_t length, axt_real *angles,
-                            axt_real *speeds) {
+                            const axt_real *modes, const axt_real *torque, size_t windows,
+                            size_t length, axt_real *angles, axt_real *speeds) {
     axt_status status = AXT_OK;
     for (size_t w = 0; w < windows && status == AXT_OK; w++) {
         axt_axis own_axis = *axis;
@@ -82,6 +82,9 @@ axt_status axt_loop_windows(const axt_axis *axis, const axt_effects *effects, ax
                                   AXT_TORQUE_HELD, &own);
         if (status == AXT_OK) {
             status = axt_machine_set(&machine, &starts[w], torque[w * length]);
+        }
+        if (status == AXT_OK) {
+            status = axt_machine_set_mode(&machine, modes[2 * w], modes[2 * w + 1]);
         }
         for (size_t i = w * length; i < (w + 1) * length && status == AXT_OK; i++) {
             axt_motion motion;

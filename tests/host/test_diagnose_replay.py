@@ -15,7 +15,7 @@ from axistwin.diagnose import windows
 from axistwin.diagnose.answer import stiff
 from axistwin.diagnose.effects import Backlash, Coulomb, EncoderDelay, ExtraMode, Found
 from axistwin.diagnose.fit import Fit
-from axistwin.diagnose.linear import Plant, Rigid, Torque, TwoInertias
+from axistwin.diagnose.linear import Plant, Rigid, ThreeInertias, Torque, TwoInertias
 from axistwin.diagnose.replay import Replay, find_replay
 from axistwin.errors import InputError
 from axistwin.model import Model
@@ -92,6 +92,27 @@ def test_the_vibration_is_exact_in_spite_of_the_steps() -> None:
     size = np.array([[1e-3], [0.2 / modal.wn]])
     # Nothing but its size is that of the steps: in 16 periods it does not get out of step.
     assert np.max(np.abs(found - expected) / (size * envelope)) < 0.01
+
+
+def test_a_further_mode_swings_on_in_a_window() -> None:
+    mode = {"frequency": 400.0, "damping_ratio": 0.02, "mass_ratio": 0.2}
+    system = ThreeInertias(AXIS, *mode.values())
+    given = np.random.default_rng(3).standard_normal((5, 6)) * (1e-3, 0.1, 1e-3, 0.1, 1e-3, 0.1)
+    starts = system.starts(given)
+    np.testing.assert_allclose(system.states(starts), given, rtol=0.0, atol=1e-15)
+    held = 0.01 * np.random.default_rng(4).standard_normal((5, 100))
+    nothing = np.zeros_like(held)
+    both = np.stack([held, nothing])
+    exact_angles, exact_speeds = system.respond(STEP, Torque(both, both), given)
+    angles, speeds = core.simulate_windows(
+        AXIS, [Effect("extra_mode", "table", mode)], STEP, held, np.zeros(5), starts, 200
+    )
+    for found, exact in ((angles + starts[:, 3:4], exact_angles), (speeds, exact_speeds)):
+        np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-4 * np.max(np.abs(exact)))
+    resting, _ = core.simulate_windows(
+        AXIS, [Effect("extra_mode", "table", mode)], STEP, held, np.zeros(5), starts[:, :4], 200
+    )
+    assert np.max(np.abs(resting - angles)) > 0.1 * np.max(np.abs(angles[0] - angles[1]))
 
 
 def test_windows_of_what_no_axis_can_be_are_refused() -> None:
@@ -257,7 +278,26 @@ def test_a_replay_beside_another_one_begins_as_that(
     np.testing.assert_allclose(beside.fit.values, alone.fit.values, rtol=2e-3, atol=2e-6)
 
 
-def test_nothing_is_simulated_that_a_window_shows_no_beginning_of() -> None:
+def test_friction_beside_a_further_mode_is_replayed() -> None:
+    friction, shape, ratio = 0.01, (500.0, 0.02), 0.15
+    params = {"frequency": shape[0], "damping_ratio": shape[1], "mass_ratio": ratio}
+    given = record(
+        (
+            Effect("friction_coulomb", "motor", {"torque": friction}),
+            Effect("extra_mode", "table", params),
+        )
+    )
+    found = (
+        Found(Coulomb(0), np.array([0.97 * friction]), ()),
+        Found(ExtraMode(1), np.array([1.02 * ratio]), (1.005 * shape[0], shape[1])),
+    )
+    played = fitted(given, TwoInertias(AXIS), found)
+    assert mean_square(played) == pytest.approx(1.0, abs=0.1)
+    truth = [AXIS.I1, AXIS.I2, AXIS.B, AXIS.K, friction, ratio, *shape]
+    assert np.max(np.abs(deviations(played, np.array(truth)))) < 4.0
+
+
+def test_a_linear_axis_is_not_replayed() -> None:
     cut = windows.cut(record(()))
     fit = Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, NOISE))
     motion = fit.motion(None)

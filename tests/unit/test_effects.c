@@ -509,6 +509,53 @@ CASE(left_is_the_mirror_image_of_right_bit_for_bit) {
     }
 }
 
+/* In the play, table and further inertia m I2 swing against each other with the frequency
+ * p sqrt(1 + m), and the table has m / (1 + m) of that. */
+CASE(a_further_mode_swings_on_from_its_state) {
+    const double p = 200, m = 0.3, amplitude = 1e-3;
+    const axt_effects effects = {.backlash = (axt_real)0.2,
+                                 .extra_mode = {(axt_real)p, 0, (axt_real)m}};
+    axt_machine machine = machine_of(&axt_axis_paper, step_20khz, &effects);
+    const axt_motion start = {0};
+    CHECK_EQUAL(axt_machine_set(&machine, &start, 0), AXT_OK);
+    CHECK_EQUAL(axt_machine_set_mode(&machine, (axt_real)amplitude, 0), AXT_OK);
+    const double omega = p * sqrt(1 + m);
+    for (int n = 1; n < 2000; n++) {
+        CHECK_EQUAL(axt_machine_step(&machine, 0), AXT_OK);
+        const double swung = 1 - cos(omega * n * (double)step_20khz);
+        CHECK_NEAR(motion_of(&machine).twist, m / (1 + m) * amplitude * swung, 1e-3 * amplitude);
+    }
+    CHECK_EQUAL(axt_machine_set(&machine, &start, 0), AXT_OK);
+    CHECK_EQUAL(axt_machine_set_mode(&machine, 0, (axt_real)(amplitude * omega)), AXT_OK);
+    for (int n = 1; n < 2000; n++) {
+        CHECK_EQUAL(axt_machine_step(&machine, 0), AXT_OK);
+        /* The inertia carries the table along: both go on with the speed that they have in common.
+         */
+        const double turned = omega * n * (double)step_20khz;
+        const double ahead = m / (1 + m) * amplitude * (turned - sin(turned));
+        CHECK_NEAR(motion_of(&machine).twist, ahead, 1e-3 * amplitude * (1 + turned / 10));
+    }
+}
+
+CASE(a_further_mode_that_cannot_be_is_refused) {
+    const axt_effects effects = {.extra_mode = {200, 0, (axt_real)0.3}};
+    axt_machine machine = machine_of(&axt_axis_paper, step_20khz, &effects);
+    CHECK_EQUAL(axt_machine_set_mode(&machine, 1, 2), AXT_OK);
+    const axt_real far = (axt_real)1.1 * (axt_real)(2 * PI) / step_20khz;
+    const struct {
+        axt_real twist, speed;
+        axt_status status;
+    } wrong[] = {{(axt_real)NAN, 0, AXT_ERROR_NOT_FINITE},
+                 {0, (axt_real)INFINITY, AXT_ERROR_NOT_FINITE},
+                 {1001, 0, AXT_ERROR_RANGE},
+                 {0, far, AXT_ERROR_RANGE}};
+    for (size_t i = 0; i < COUNT_OF(wrong); i++) {
+        CHECK_EQUAL(axt_machine_set_mode(&machine, wrong[i].twist, wrong[i].speed),
+                    wrong[i].status);
+        CHECK(machine.mode_twist == 1 && machine.mode_speed == 2);
+    }
+}
+
 CASE(in_the_play_the_motor_turns_alone) {
     const axt_effects effects = {.backlash = (axt_real)0.2};
     axt_machine machine = machine_of(&axt_axis_paper, step_20khz, &effects);
@@ -798,6 +845,8 @@ int main(void) {
     RUN(a_free_axis_never_gains_energy);
     RUN(play_and_hardening_without_damping_keep_the_energy);
     RUN(left_is_the_mirror_image_of_right_bit_for_bit);
+    RUN(a_further_mode_swings_on_from_its_state);
+    RUN(a_further_mode_that_cannot_be_is_refused);
     RUN(in_the_play_the_motor_turns_alone);
     RUN(a_torque_delayed_by_whole_steps_is_the_torque_of_then);
     RUN(an_encoder_that_is_late_shows_the_past);

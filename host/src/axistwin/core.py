@@ -499,12 +499,16 @@ def simulate_windows(
 
     As simulate_effects() with each sample of the ``torque`` (w, n) held until the next, but without
     errors of the encoders. Each window begins anew from ``starts`` (w, 4), in the order of State,
-    at its time (w,) [s], until which everything that drifts and turns has gone on. Angles are
-    counted from where the motor was at the start of each window. On all cores. Raises InputError as
-    simulate_effects(), also when a stiffness has drifted to nothing by a window.
+    at its time (w,) [s], until which everything that drifts and turns has gone on. Two columns more
+    are angle and speed of the table less the inertia of a further mode, which without them is at
+    rest there. Angles are counted from where the motor was at the start of each window. On all
+    cores. Raises InputError as simulate_effects(), also when a stiffness has drifted to nothing by
+    a window.
     """
     core = _load("float64")
-    numbers, motions = _effects(core, effects), _motions_of(core, starts)
+    numbers, motions = _effects(core, effects), _motions_of(core, starts[:, :4])
+    modes = np.zeros((len(starts), 2))
+    modes[:, : starts.shape[1] - 4] = starts[:, 4:]
 
     def run(part: slice) -> tuple[int, Array]:
         acting = np.ascontiguousarray(torque[part], np.float64)
@@ -516,6 +520,7 @@ def simulate_windows(
             substeps,
             core.array("axt_real", np.ascontiguousarray(times[part], np.float64)),
             core.array("axt_motion", motions[part]),
+            core.array("axt_real", modes[part]),
             core.array("axt_real", acting),
             *acting.shape,
             core.array("axt_real", found[0]),

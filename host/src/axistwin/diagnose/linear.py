@@ -56,6 +56,12 @@ class Linear(Protocol):
     def free(self, time_step: float, length: int) -> Array:
         """The motion (s, c, l) without torque from each unit state."""
 
+    def starts(self, states: Array) -> Array:
+        """States (w, s) as core.simulate_windows() has them."""
+
+    def states(self, starts: Array) -> Array:
+        """The way back."""
+
 
 class Plant(Linear, Protocol):
     """A linear axis with ``values`` (k,), the parameters ``names``."""
@@ -80,12 +86,6 @@ class Plant(Linear, Protocol):
 
     def others(self) -> Sequence[Plant]:
         """Plants that look alike from afar, to begin with instead."""
-
-    def starts(self, states: Array) -> Array:
-        """States (w, s) as the core has them: (w, 4), in the order of core.State."""
-
-    def states(self, starts: Array) -> Array:
-        """The way back."""
 
 
 @dataclass(frozen=True)
@@ -204,9 +204,7 @@ class ThreeInertias:
         angle, speed = core.respond(0.0, 0.0, time_step, first, last, start)
         angles, speeds = np.stack([angle, angle]), np.stack([speed, speed])
 
-        # Of motor and table against the centre of mass, by twist and by the further inertia.
-        table = -np.array([a.I1, a.I2 * self.mass_ratio]) / total
-        shares = np.array([(table[0] + 1.0, table[1]), table])
+        shares = self._table + np.array([(1.0, 0.0), (0.0, 0.0)])  # of motor and table
         pushed = np.array([(0.0, 0.0), (1.0 / a.I1, -1.0 / a.I2), (0.0, 0.0), (0.0, -1.0 / a.I2)])
         poles, vectors = self._swings
         inverse = np.linalg.inv(np.concatenate([vectors, vectors.conj()], axis=1))[:2]
@@ -224,6 +222,39 @@ class ThreeInertias:
         angles, _ = self.respond(time_step, Torque(nothing, nothing), np.eye(6))
         free: Array = angles.transpose(1, 0, 2)
         return free
+
+    def starts(self, states: Array) -> Array:
+        body, body_speed, twist, twist_speed, further, further_speed = states.T
+        own, share = self._table
+        columns = (
+            twist,
+            twist_speed,
+            body_speed + (1.0 + own) * twist_speed + share * further_speed,
+            body + (1.0 + own) * twist + share * further,
+            -further,
+            -further_speed,
+        )
+        return np.stack(columns, axis=1)
+
+    def states(self, starts: Array) -> Array:
+        twist, twist_speed, speed, angle, behind, behind_speed = starts.T
+        own, share = self._table
+        columns = (
+            angle - (1.0 + own) * twist + share * behind,
+            speed - (1.0 + own) * twist_speed + share * behind_speed,
+            twist,
+            twist_speed,
+            -behind,
+            -behind_speed,
+        )
+        return np.stack(columns, axis=1)
+
+    @property
+    def _table(self) -> Array:
+        """Where the table is against the centre of mass, by twist and by the further inertia."""
+        a = self.axis
+        total = a.I1 + a.I2 * (1.0 + self.mass_ratio)
+        return -np.array([a.I1, a.I2 * self.mass_ratio]) / total
 
     @property
     def _swings(self) -> tuple[Complexes, Complexes]:

@@ -30,7 +30,7 @@ from axistwin.diagnose.effects import (
     TorqueDelay,
 )
 from axistwin.diagnose.fit import Fit, solve_normal
-from axistwin.diagnose.linear import TwoInertias
+from axistwin.diagnose.linear import ThreeInertias, TwoInertias
 from axistwin.errors import InputError
 from axistwin.model import Model
 
@@ -41,8 +41,10 @@ _OUTSIDE = (TorqueDelay, EncoderDelay, Saturation, LeadError, Eccentricity)
 _VIBRATION_STEP_MAX = 0.1
 
 #: The same for the last digits where play lets the shaft go within a step, or dry friction what it
-#: holds; where its stiffness changes in it, of the vibration at the largest twist.
+#: holds; where its stiffness changes in it, of the vibration at the largest twist. The frequencies
+#: of an axis that vibrates twice are not put right in the core.
 _PLAY_STEP_MAX = 0.03
+_MODE_STEP_MAX = 0.03
 _DRY_STEP_MAX = 0.025
 _HARDENED_STEP_MAX = 0.06
 
@@ -104,7 +106,7 @@ class Replay:
 
     @property
     def starts(self) -> Array:
-        """The states (w, 4) that windows begin from, in the order of core.State."""
+        """The states (w, s) that windows begin from, as core.simulate_windows() has them."""
         return self._point.starts
 
     @property
@@ -138,10 +140,9 @@ def find_replay(fit: Fit, motion: Motion, near: Replay | None = None) -> Replay 
     """The fit adjusted once more, from where it is; its windows begin as those of one that is
     ``near``, if they can.
 
-    None when it has nothing inside the axis, or something of which a window shows no beginning.
+    None where the axis with its effects is linear, or goes by itself where no axis can.
     """
-    inside = [one for one in fit.found if not isinstance(one.kind, _OUTSIDE)]
-    if not inside or any(isinstance(one.kind, ExtraMode) for one in inside) or fit.noise is None:
+    if all(_linear(one) for one in fit.found) or fit.noise is None:
         return None
     try:
         replaying = _Replaying(fit, motion)
@@ -152,9 +153,9 @@ def find_replay(fit: Fit, motion: Motion, near: Replay | None = None) -> Replay 
 
 @dataclass(frozen=True)
 class _Point:
-    """Unknowns, and what they make of the record: ``starts`` (w, 4) in the order of core.State,
-    with angles from where the motor was; ``played`` (2, w, l), angles by the core; ``angles`` as
-    measured and ``speeds`` (c, w, l)."""
+    """Unknowns, and what they make of the record: ``starts`` (w, s) as core.simulate_windows() has
+    them, with angles from where the motor was; ``played`` (2, w, l), angles by the core; ``angles``
+    as measured and ``speeds`` (c, w, l)."""
 
     fit: Fit
     starts: Array
@@ -173,12 +174,14 @@ class _Replaying:
         self._horizon = fit.windows.length
         noise = float(np.min(fit.noise)) if fit.noise is not None else 0.0
         slow = 4.0 / (self._windows.length * self._windows.time_step)
-        two = isinstance(fit.plant, TwoInertias)
         fast = fit.plant.frequency if isinstance(fit.plant, TwoInertias) else 0.0
-        self._free = slice(0, 4) if two else slice(2, 4)
-        steps = np.array([1.0, fast, slow, 1.0])
+        mode = 0.0
+        if isinstance(fit.system, ThreeInertias):
+            mode = fit.system.frequency * float(np.sqrt(1.0 + fit.system.mass_ratio))
+        self._free = slice(0 if fast else 2, 6 if mode else 4)
+        steps = np.array([1.0, fast, slow, 1.0, 1.0, mode])
         self._state_steps = (_STATE_STEP * noise * steps)[self._free]
-        self._turned = fast * fit.windows.time_step
+        self._turned = max(fast, mode) * fit.windows.time_step
         self.substeps = self._steps(_VIBRATION_STEP_MAX)
 
     def adjusted(self) -> Replay:
@@ -191,6 +194,8 @@ class _Replaying:
 
     def adjusted_from(self, near: Replay) -> Replay | None:
         """The same where windows begin as those of another one; None if that is far off."""
+        if near.starts.shape[1] != self._free.stop:
+            return None  # one of them has a further mode
         coarse = self.substeps
         self.substeps = max(self._finer_steps(), near.substeps)
         point = self._point(self._fit, near.starts)
@@ -215,7 +220,7 @@ class _Replaying:
 
     def _beginning(self, fit: Fit) -> _Point:
         """A fit in windows that start as their motion seems to begin."""
-        return self._point(fit, fit.plant.starts(fit.starts(self._motion)))
+        return self._point(fit, fit.system.starts(fit.starts(self._motion)))
 
     def _from_afar(self) -> _Point:
         """Far off, a simulation soon has nothing in common with what it is adjusted to: short ones
@@ -259,11 +264,13 @@ class _Replaying:
         return self._begun(point, most)
 
     def _finer_steps(self) -> int:
-        """From one sample to the next, where the shaft is not linear."""
+        """From one sample to the next, where the shaft is not linear, or not alone."""
         finest = self.substeps
         for one in self._fit.found:
             if isinstance(one.kind, Backlash):
                 finest = max(finest, self._steps(_PLAY_STEP_MAX))
+            elif isinstance(one.kind, ExtraMode):
+                finest = max(finest, self._steps(_MODE_STEP_MAX))
             elif isinstance(one.kind, Hardening) and isinstance(self._fit.plant, TwoInertias):
                 largest = float(np.max(np.abs(self._motion.twist)))
                 bend = 3.0 * float(one.sizes[0]) * largest**2 / self._fit.plant.axis.K
@@ -345,7 +352,7 @@ class _Replaying:
         if not 0 < len(which) < most * self._windows.count:
             return point
         rest = point.starts.copy()
-        rest[which, 1:3] = 0.0
+        rest[which, 1:3] = rest[which, 5:] = 0.0
         best = point.starts[which], point.residual[which]
         for first in (point.starts, rest) if self._dry else (point.starts,):
             starts = first[which]
@@ -364,7 +371,7 @@ class _Replaying:
     def _begun_nearer(
         self, point: _Point, which: npt.NDArray[np.intp], starts: Array, horizon: int
     ) -> Array:
-        """Starts (w, 4) of windows that are better up to a ``horizon``, or as they were."""
+        """Starts (w, s) of windows that are better up to a ``horizon``, or as they were."""
         residual = self._residual(point, which, starts, horizon)
         columns = []
         for step in np.diag(self._state_steps):
@@ -388,7 +395,7 @@ class _Replaying:
     def _residual(
         self, point: _Point, which: npt.NDArray[np.intp], starts: Array, horizon: int
     ) -> Array:
-        """Errors (w, c h) of some windows from other starts (w, 4), up to a horizon."""
+        """Errors (w, c h) of some windows from other starts (w, s), up to a horizon."""
         played = self._played(point.fit, starts, which, horizon)[0]
         moved = self._vectors(point.fit, played - point.played[:, which, :horizon])
         before = point.residual[which].reshape(len(which), self._windows.channels, -1)
@@ -399,12 +406,12 @@ class _Replaying:
 
     def _point(self, fit: Fit, starts: Array) -> _Point:
         """Raises InputError for unknowns that no axis can have."""
-        outside = replace(fit, found=tuple(one for one in fit.found if _outside(one)))
-        simulated = outside.simulate(self._motion, fit.plant.states(starts))
+        linear = replace(fit, found=tuple(one for one in fit.found if _linear(one)))
+        simulated = linear.simulate(self._motion, fit.system.states(starts))
         angles, speeds = (one[:, :, : self._horizon] for one in simulated)
         played = self._played(fit, starts)
         # The steps of the core are not exact, but nearly the same with and without effects.
-        more = (played - self._played(outside, starts))[:, : self._windows.channels]
+        more = (played - self._played(linear, starts))[:, : self._windows.channels]
         angles, speeds = angles + more[0], speeds + more[1]
         residual = fit.vectors(fit.measured[:, :, : self._horizon] - angles)
         if not np.all(np.isfinite(residual)):
@@ -436,7 +443,7 @@ class _Replaying:
             absolute * turn,
             self.substeps,
         )
-        return np.stack([angles / turn + starts[:, 3:], speeds / turn])
+        return np.stack([angles / turn + starts[:, 3:4], speeds / turn])
 
     def _force(self, fit: Fit) -> float:
         """Inertias and torques are so many times larger in the core: then no range is left."""
@@ -474,10 +481,11 @@ class _Replaying:
             starts = point.starts.copy()
             starts[:, self._free] += step
             of_states.append(change(fit, starts))
-        columns = []
-        for direction in fit.directions.T[: len(fit.plant.names)]:
-            other = fit.with_values(fit.values + _STEP * direction)
-            columns.append(change(other, point.starts) / _STEP)
+        def along(direction: Array) -> Array:
+            return change(fit.with_values(fit.values + _STEP * direction), point.starts) / _STEP
+
+        directions = fit.directions.T
+        columns = [along(direction) for direction in directions[: len(fit.plant.names)]]
         if self._windows.channels == 2:
             zero = np.zeros_like(point.angles)
             zero[1] = 1.0
@@ -487,6 +495,9 @@ class _Replaying:
             if _outside(one):
                 moves = fit.moves(one, self._motion)
                 columns += [fit.vectors(angles[:, :, : self._horizon]) for angles in moves]
+                continue
+            if isinstance(one.kind, ExtraMode):
+                columns += map(along, directions[first : first + len(one.values)])
                 continue
             size = float(np.linalg.norm(one.sizes))
             for i, value in enumerate(one.values):
@@ -511,6 +522,11 @@ class _Replaying:
 
 def _outside(one: Found) -> bool:
     return isinstance(one.kind, _OUTSIDE)
+
+
+def _linear(one: Found) -> bool:
+    """Does the axis with it answer as a linear one, which is simulated exactly?"""
+    return _outside(one) or isinstance(one.kind, ExtraMode)
 
 
 def _squares(residual: Array) -> Array:
