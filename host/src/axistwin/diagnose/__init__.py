@@ -32,11 +32,12 @@ Progress = Callable[[str], None]
 
 #: An axis whose error is so many times the noise (squared) soon does something else than its
 #: simulation, in a time that effects change a lot; it is plain that it does when it is hopeless.
-#: Then windows are so many times shorter at first, but as long as some periods of the vibration. A
-#: rigid axis only drifts: its errors are weighted.
+#: Then windows are so many times shorter at first, but as long as some periods of the vibration; by
+#: such numbers because they become longer by two, three or four times at once. A rigid axis only
+#: drifts: its errors are weighted.
 _FAR = 100.0
 _HOPELESS = 1e6
-_SHORTER = 16
+_SHORTER = (1, 2, 3, 4, 6, 8, 9, 12, 16)
 _PERIODS = 3.0
 
 #: Samples that effects are looked for in first: those that are large need no more.
@@ -84,7 +85,8 @@ def _searched(record: Record, cut: Windows, hold: Hold, progress: Progress) -> S
 def _parts(start: TwoInertias, cut: Windows) -> int:
     """Into how many parts windows go that are short, and still show the shaft vibrate."""
     length = _PERIODS * 2.0 * np.pi / start.frequency / cut.time_step
-    return max(1, min(_SHORTER, cut.length // max(int(np.ceil(length)), LENGTH_MIN)))
+    most = max(1, cut.length // max(int(np.ceil(length)), LENGTH_MIN))
+    return max(parts for parts in _SHORTER if parts <= most)
 
 
 def _start(record: Record, cut: Windows, hold: Hold, progress: Progress) -> Plant:

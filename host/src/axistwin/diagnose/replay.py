@@ -138,7 +138,7 @@ class Replay:
 
 def find_replay(fit: Fit, motion: Motion, near: Replay | None = None) -> Replay | None:
     """The fit adjusted once more, from where it is; its windows begin as those of one that is
-    ``near``, if they can.
+    ``near``, or as the first of several there that are parts of one here, if they can.
 
     None where the axis with its effects is linear, or goes by itself where no axis can.
     """
@@ -193,12 +193,14 @@ class _Replaying:
         return self._replay(self._refined(self._rounds(point)))
 
     def adjusted_from(self, near: Replay) -> Replay | None:
-        """The same where windows begin as those of another one; None if that is far off."""
-        if near.starts.shape[1] != self._free.stop:
+        """The same where windows begin as those of another one, or as the first of several that are
+        parts of them; None if that is far off."""
+        starts = near.starts[:: self._windows.length // near.fit.windows.length]
+        if starts.shape[1] != self._free.stop:
             return None  # one of them has a further mode
         coarse = self.substeps
         self.substeps = max(self._finer_steps(), near.substeps)
-        point = self._point(self._fit, near.starts)
+        point = self._begun(self._point(self._fit, starts), _OUTLIERS_MAX)
         if self._near(point):
             return self._replay(self._refined(self._rounds(point)))
         self.substeps = coarse
@@ -481,6 +483,7 @@ class _Replaying:
             starts = point.starts.copy()
             starts[:, self._free] += step
             of_states.append(change(fit, starts))
+
         def along(direction: Array) -> Array:
             return change(fit.with_values(fit.values + _STEP * direction), point.starts) / _STEP
 

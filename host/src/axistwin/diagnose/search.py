@@ -19,6 +19,7 @@ from axistwin.diagnose.selection import (
     extended,
     preferred,
     settled,
+    way_to,
 )
 from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State
 from axistwin.diagnose.trials import MOST, T_MIN, Progress, Trials, significant
@@ -111,16 +112,14 @@ def _lengthened(search: Search, times: int, progress: Progress) -> Search:
         length = times * windows.length
         return State(replace(state.fit, windows=windows.recut(length)), state.motion.recut(length))
 
-    last = longer(search.states[-1]).replayed()
+    last = longer(search.states[-1]).replayed(search.states[-1].replay)
     if last.replay is None:
         last = State.of(last.fit, last.motion)
     if last.scale > _LOST:
         return search
     base = longer(search.states[0])
     base = min(base, State.of(base.fit, base.motion), key=by_error)
-    known = Search((base, last), search.trials)
-    chain = [*chain_to(known, last.fit.found[:-1]), last] if last.fit.found else [last]
-    found = settled(extended(chain, list(search.trials[:-1]), progress), progress)
+    found = settled(extended(way_to(base, last), list(search.trials[:-1]), progress), progress)
     if found.states[-1].scale < NEARLY_RIGHT:
         return found
     left = nameless.find(base, found.states[-1], progress)
@@ -135,9 +134,9 @@ def _confirmed(search: Search, windows: Windows, progress: Progress) -> Search:
         return search
     progress("going on in the whole record")
     whole = _at_moments(replace(last.fit, windows=windows), progress)
-    whole = whole.heard()
+    whole = whole.heard().simulated()
     base = State.along(replace(first.fit, windows=windows, noise=whole.fit.noise))
-    states = chain_to(Search((base, whole), ()), whole.fit.found)
+    states = way_to(base, whole)
     while len(states) > 1:
         *_, before, after = states
         if significant(after.against(before, after.fit.found[-1]), before):
@@ -191,7 +190,7 @@ def _ordered(search: Search, progress: Progress) -> Search:
         return search
     found = [last.fit.found[i] for i in order]
     whole = last.beside(replace(last.fit, found=tuple(found)))
-    states = [*chain_to(search, found[:-1]), whole]
+    states = way_to(search.states[0], whole)
     tried = [tuple(Trials(state).run(addable(state.fit), progress)) for state in states[1:-1]]
     return Search(tuple(states), (search.trials[0], *tried, search.trials[-1]))
 

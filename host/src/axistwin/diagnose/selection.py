@@ -118,6 +118,8 @@ def _revised(search: Search, progress: Progress) -> Search | None:
         return None
     for i in range(len(found) - 1):
         rest = (*found[:i], *found[i + 1 :])
+        if any(_drifting_alone(one.kind, rest) for one in rest):
+            continue
         along = State.along(replace(last.fit, found=rest), last.motion)
         trials = Trials(along).run(addable(along.fit), progress)
         again = bool(trials) and trials[0].found.kind == found[i].kind
@@ -134,9 +136,15 @@ def _revised(search: Search, progress: Progress) -> Search | None:
         if last.scale < RIGHT and better.fit.found[-1].kind == found[i].kind:
             continue  # the same again
         if preferred(better, last):
-            chain = chain_to(search, better.fit.found)
+            chain = way_to(search.states[0], better)
             return extended(chain, list(search.trials[: len(chain) - 1]), progress)
     return None
+
+
+def _drifting_alone(kind: Kind, found: Sequence[Found]) -> bool:
+    """Is it the drift of a friction that is none of these?"""
+    places = [one.kind.place for one in found if isinstance(one.kind, FRICTION)]
+    return isinstance(kind, FrictionDrift) and kind.place not in places
 
 
 def preferred(one: State, other: State) -> bool:
@@ -158,6 +166,13 @@ def chain_to(search: Search, found: Sequence[Found]) -> list[State]:
     return states
 
 
+def way_to(base: State, last: State) -> list[State]:
+    """The states from the one without effects to another one, an effect more in each."""
+    if not last.fit.found:
+        return [last]
+    return [*chain_to(Search((base, last), ()), last.fit.found[:-1]), last]
+
+
 def by_error(state: State) -> float:
     """What orders states from the nearest one to that which is farthest off."""
     return state.fitted
@@ -166,7 +181,6 @@ def by_error(state: State) -> float:
 def addable(fit: Fit) -> list[Kind]:
     """The kinds that can be added: waves several times, all others once."""
     names = [found.kind.name for found in fit.found]
-    frictions = [found.kind.place for found in fit.found if isinstance(found.kind, FRICTION)]
     viscous = [place for place in range(fit.windows.channels) if fit.viscous(place) > 0.0]
     return [
         kind
@@ -176,7 +190,7 @@ def addable(fit: Fit) -> list[Kind]:
             fit.corner > 0.0 and "friction_coulomb:motor" in names,
         )
         if names.count(kind.name) < (WAVES_MAX if isinstance(kind, SEVERAL) else 1)
-        and (not isinstance(kind, FrictionDrift) or kind.place in frictions)
+        and not _drifting_alone(kind, fit.found)
         and (not isinstance(kind, Asymmetry) or kind.place in viscous)
     ]
 

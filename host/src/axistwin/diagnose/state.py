@@ -115,7 +115,7 @@ class State:
 
     def replayed(self, near: Replay | None = None) -> State:
         """The same adjusted to a simulation of the effects, if that brings it nearer; ``near``
-        there is another one in the same windows."""
+        there is another one, in the same windows or in parts of them."""
         if self.fit.corner > 0.0:
             return self  # that is for the last digits above the noise
         replay = find_replay(self.fit, self.motion, near)
