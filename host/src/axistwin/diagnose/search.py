@@ -134,7 +134,7 @@ def _confirmed(search: Search, windows: Windows, progress: Progress) -> Search:
         return search
     progress("going on in the whole record")
     whole = _at_moments(replace(last.fit, windows=windows), progress)
-    whole = whole.heard().simulated()
+    whole = whole.heard().replayed()
     base = State.along(replace(first.fit, windows=windows, noise=whole.fit.noise))
     states = way_to(base, whole)
     while len(states) > 1:
