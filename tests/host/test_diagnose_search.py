@@ -9,10 +9,11 @@ import pytest
 
 from axistwin.core import Effect
 from axistwin.diagnose import diagnose, resonance, search, windows
-from axistwin.diagnose.effects import ExtraMode, Found
+from axistwin.diagnose.effects import Disturbance, ExtraMode, Found
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import TwoInertias
 from axistwin.diagnose.state import State
+from axistwin.diagnose.trials import Trials
 
 from .diagnosis_records import AXIS, NOISE, STEP, record, shake
 
@@ -81,6 +82,22 @@ def test_a_command_that_is_clipped_in_a_window_held_out_is_found() -> None:
     assert found.effect == "torque_saturation"
     assert found.params["limit"] == pytest.approx(limit, rel=1e-4)
     assert not diagnosis.unexplained
+
+
+@pytest.mark.parametrize("frequency", [3.0, 11.7, 41.3, 80.0])
+def test_a_line_slower_than_a_window_is_found_where_samples_are_missing(frequency: float) -> None:
+    params = {"amplitude": 4e-4, "frequency": frequency, "phase": 0.4}
+    whole = record(Effect("disturbance", "motor", params), torque=TORQUE)
+    lost = np.sort(np.random.default_rng(5).choice(len(TORQUE), 40, replace=False))
+    cut = windows.cut(replace(whole, missing=lost), 0.1)
+    assert np.any(np.diff(cut.index[:, 0]) % cut.length)
+    assert frequency < 1.5 * 2.0 * np.pi / (STEP * cut.length)
+    fit = Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, NOISE))
+    (trial,) = Trials(State(fit, fit.motion(None))).run([Disturbance(0)], lambda _: None)
+    assert trial.found.shape[0] == pytest.approx(frequency, abs=0.02)
+    size, angle = float(np.hypot(*trial.found.sizes)), trial.found.params["phase"]
+    assert size == pytest.approx(params["amplitude"], rel=0.1)
+    assert angle == pytest.approx(params["phase"], abs=0.2)
 
 
 def test_noise_that_further_initial_states_explain_is_no_gain() -> None:

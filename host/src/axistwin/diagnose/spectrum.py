@@ -19,9 +19,6 @@ from axistwin.core import Array
 _POINTS = 8
 _POINTS_MAX = 2**22
 
-#: Lines are looked for from such a share of the windows per second on.
-_SLOWEST = 0.1
-
 #: How finely the peaks are found: the transform is this many times longer than the data.
 _PADDING = 4
 
@@ -70,12 +67,10 @@ def peaks(
 
 
 def lines(errors: Array, time_step: float, index: npt.NDArray[np.int64], count: int) -> list[float]:
-    """The ``count`` strongest lines [rad/s] in errors (c, w, l) of the samples ``index`` (w, l),
-    and what they may be the images of.
+    """The ``count`` strongest lines [rad/s] in errors (c, w, l) of the samples ``index`` (w, l).
 
     A linear axis answers a periodic torque at its own frequency. Each window is tapered, so that
-    slow errors do not spread. Of a line that is slower than a window little is left but that it is
-    another one in each: such a line has an image as many windows per second away.
+    slow errors do not spread.
     """
     length = errors.shape[2]
     first = int(index[0, 0])
@@ -84,11 +79,11 @@ def lines(errors: Array, time_step: float, index: npt.NDArray[np.int64], count: 
     points = 2 ** int(np.ceil(np.log2(spread.shape[1])) + 1)
     power = np.sum(np.abs(np.fft.rfft(spread, points, axis=1)) ** 2, axis=0)
     frequencies = np.arange(len(power)) * (2.0 * np.pi / (points * time_step))
-    rate = 2.0 * np.pi / (length * time_step)
-    inside = (frequencies > rate) & (frequencies < 0.9 * np.pi / time_step)
-    strongest = _highest(frequencies[inside], power[inside], 2.0 * rate, count)
-    slow = [image for line in strongest for image in (line % rate, rate - line % rate)]
-    return strongest + [line for line in slow if line > _SLOWEST * rate]
+    inside = (frequencies > 2.0 * np.pi / (length * time_step)) & (
+        frequencies < 0.9 * np.pi / time_step
+    )
+    apart = 4.0 * np.pi / (length * time_step)
+    return _highest(frequencies[inside], power[inside], apart, count)
 
 
 def _highest(places: Array, values: Array, apart: float, count: int) -> list[float]:

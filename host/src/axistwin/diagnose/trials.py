@@ -50,6 +50,10 @@ _WAVES = 4
 _PERIODS_MAX = 360.0
 _PERIODS_A_METRE_MAX = 5000.0
 
+#: Lines are slow from so many periods in the record up to so many in a window.
+_SLOW_PERIODS = 4.0
+_FAST_PERIODS = 1.5
+
 #: Samples of rest that an axis begins with that is run backwards.
 _REST = 2
 
@@ -207,7 +211,8 @@ class Trials:
         solution = solve_normal(np.sum(self._grams, axis=0), np.sum(self._rights, axis=0))
         error = self._residual - np.einsum("wkn,k->wn", self._columns, solution)
         if isinstance(kind, Disturbance):
-            return spectrum.lines(fit.channels(error), motion.time_step, motion.index, _WAVES)
+            lines = spectrum.lines(fit.channels(error), motion.time_step, motion.index, _WAVES)
+            return lines + self._slow_lines(kind, error)
         weights = np.ones(len(error))
         if fit.corner > 0.0:
             # Each window on a scale of its own: reversals would hide what there is all the time.
@@ -229,6 +234,19 @@ class Trials:
                 return []  # the rounding of an encoder, and images of that
             found = [periods for periods in found if periods != 1.0]  # that is an eccentricity
         return found
+
+    def _slow_lines(self, kind: Disturbance, error: Array) -> list[float]:
+        """The frequencies [rad/s] about as slow as a window that promise most.
+
+        Little is left of such a line in a window that begins as it likes; what is, is another one
+        in each.
+        """
+        motion = self.motion
+        lowest = _SLOW_PERIODS * 2.0 * np.pi / float(motion.time[-1, -1] - motion.time[0, 0])
+        highest = _FAST_PERIODS * 2.0 * np.pi / (self.fit.windows.length * motion.time_step)
+        scores = self.scores(error, kind.place)
+        strength = self._strength(kind, lowest, highest, np.ones(len(error)))
+        return spectrum.peaks(motion.time, scores, lowest, highest, strength, _WAVES, whole=False)
 
     def _counts(self, most: float) -> list[int]:
         """The counts a turn of coarse encoders, of those that have up to ``most``."""
