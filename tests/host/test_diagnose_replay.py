@@ -293,8 +293,11 @@ def test_friction_beside_a_further_mode_is_replayed() -> None:
     )
     played = fitted(given, TwoInertias(AXIS), found)
     assert mean_square(played) == pytest.approx(1.0, abs=0.1)
+    found_values = np.delete(played.fit.values, played.fit.names.index("zero"))
     truth = [AXIS.I1, AXIS.I2, AXIS.B, AXIS.K, friction, ratio, *shape]
-    assert np.max(np.abs(deviations(played, np.array(truth)))) < 4.0
+    # The steps of the core leave two frequencies off by a thousandth, and their damping by more.
+    tolerance = [2e-3, 2e-3, 3e-2, 2e-3, 2e-3, 1e-2, 2e-3, 5e-2]
+    assert np.all(np.abs(found_values / truth - 1.0) < tolerance)
 
 
 def test_a_linear_axis_is_not_replayed() -> None:

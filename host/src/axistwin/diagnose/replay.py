@@ -41,11 +41,10 @@ _OUTSIDE = (TorqueDelay, EncoderDelay, Saturation, LeadError, Eccentricity)
 _VIBRATION_STEP_MAX = 0.1
 
 #: The same for the last digits where play lets the shaft go within a step, or dry friction what it
-#: holds; where its stiffness changes in it, of the vibration at the largest twist. The frequencies
-#: of an axis that vibrates twice are not put right in the core.
+#: holds; where its stiffness changes in it, of the vibration at the largest twist.
 _PLAY_STEP_MAX = 0.03
-_MODE_STEP_MAX = 0.03
 _DRY_STEP_MAX = 0.025
+_DRY_STEP_FINE = 0.006
 _HARDENED_STEP_MAX = 0.06
 
 #: Differences of initial states, in units of the noise, and of sizes, in units of themselves.
@@ -136,16 +135,19 @@ class Replay:
         return list((of_sizes - explained).transpose(2, 0, 1))
 
 
-def find_replay(fit: Fit, motion: Motion, near: Replay | None = None) -> Replay | None:
+def find_replay(
+    fit: Fit, motion: Motion, near: Replay | None = None, *, finely: bool = False
+) -> Replay | None:
     """The fit adjusted once more, from where it is; its windows begin as those of one that is
-    ``near``, or as the first of several there that are parts of one here, if they can.
+    ``near``, or as the first of several there that are parts of one here, if they can. ``finely``
+    is for friction whose steps are what is left.
 
     None where the axis with its effects is linear, or goes by itself where no axis can.
     """
     if all(_linear(one) for one in fit.found) or fit.noise is None:
         return None
     try:
-        replaying = _Replaying(fit, motion)
+        replaying = _Replaying(fit, motion, finely)
         return (replaying.adjusted_from(near) if near else None) or replaying.adjusted()
     except InputError:  # parameters that no axis has
         return None
@@ -168,8 +170,8 @@ class _Point:
 class _Replaying:
     """``motion`` is that along which errors of encoders are known."""
 
-    def __init__(self, fit: Fit, motion: Motion) -> None:
-        self._fit, self._motion = fit, motion
+    def __init__(self, fit: Fit, motion: Motion, finely: bool) -> None:
+        self._fit, self._motion, self._finely = fit, motion, finely
         self._windows = fit.windows
         self._horizon = fit.windows.length
         noise = float(np.min(fit.noise)) if fit.noise is not None else 0.0
@@ -195,9 +197,9 @@ class _Replaying:
     def adjusted_from(self, near: Replay) -> Replay | None:
         """The same where windows begin as those of another one, or as the first of several that are
         parts of them; None if that is far off."""
-        starts = near.starts[:: self._windows.length // near.fit.windows.length]
-        if starts.shape[1] != self._free.stop:
-            return None  # one of them has a further mode
+        known = near.starts[:: self._windows.length // near.fit.windows.length, : self._free.stop]
+        at_rest = self._free.stop - known.shape[1]  # the inertia of a further mode
+        starts = np.pad(known, ((0, 0), (0, at_rest)))
         coarse = self.substeps
         self.substeps = max(self._finer_steps(), near.substeps)
         point = self._begun(self._point(self._fit, starts), _OUTLIERS_MAX)
@@ -266,13 +268,13 @@ class _Replaying:
         return self._begun(point, most)
 
     def _finer_steps(self) -> int:
-        """From one sample to the next, where the shaft is not linear, or not alone."""
+        """From one sample to the next, where the shaft is not linear."""
         finest = self.substeps
         for one in self._fit.found:
             if isinstance(one.kind, Backlash):
                 finest = max(finest, self._steps(_PLAY_STEP_MAX))
-            elif isinstance(one.kind, ExtraMode):
-                finest = max(finest, self._steps(_MODE_STEP_MAX))
+            elif isinstance(one.kind, DRY) and self._finely:
+                finest = max(finest, self._steps(_DRY_STEP_FINE))
             elif isinstance(one.kind, Hardening) and isinstance(self._fit.plant, TwoInertias):
                 largest = float(np.max(np.abs(self._motion.twist)))
                 bend = 3.0 * float(one.sizes[0]) * largest**2 / self._fit.plant.axis.K

@@ -15,14 +15,14 @@ from axistwin.diagnose.selection import (
     Search,
     addable,
     by_error,
-    chain_to,
     extended,
     preferred,
     settled,
+    sure,
     way_to,
 )
 from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State
-from axistwin.diagnose.trials import MOST, T_MIN, Progress, Trials, significant
+from axistwin.diagnose.trials import MOST, Progress, Trials, significant
 from axistwin.diagnose.windows import Windows
 
 #: Of a record that is not understood, an effect that is named leaves such a part of what was more
@@ -113,6 +113,8 @@ def _lengthened(search: Search, times: int, progress: Progress) -> Search:
         return State(replace(state.fit, windows=windows.recut(length)), state.motion.recut(length))
 
     last = longer(search.states[-1]).replayed(search.states[-1].replay)
+    if last.scale > RIGHT:
+        last = min(last, longer(search.states[-1]).replayed(finely=True), key=by_error)
     if last.replay is None:
         last = State.of(last.fit, last.motion)
     if last.scale > _LOST:
@@ -135,6 +137,9 @@ def _confirmed(search: Search, windows: Windows, progress: Progress) -> Search:
     progress("going on in the whole record")
     whole = _at_moments(replace(last.fit, windows=windows), progress)
     whole = whole.heard().replayed()
+    if whole.scale > RIGHT:
+        known = replace(last.fit, windows=windows, noise=whole.fit.noise)
+        whole = min(whole, State(known, whole.motion).replayed(finely=True), key=by_error)
     base = State.along(replace(first.fit, windows=windows, noise=whole.fit.noise))
     states = way_to(base, whole)
     while len(states) > 1:
@@ -203,13 +208,13 @@ def _understood(search: Search, progress: Progress) -> Search:
     """
     states = list(search.states)
     last = states[-1]
-    named = [one for i, one in enumerate(last.fit.found) if _sure(last, i)]
+    named = [one for i, one in enumerate(last.fit.found) if sure(last, i)]
     found = nameless.find(search.states[0], last, progress)
     if found is not None:
         still = [one.kind for one in nameless.still(found.state)]
         named = [one for one in named if one.kind in still]
     if len(named) < len(states) - 1:
-        states = chain_to(search, named)
+        states = way_to(states[0], last.beside(replace(last.fit, found=tuple(named))))
     far = states[-1].scale > UNEXPLAINED and states[-1].fit.corner == 0.0
     if far or found is not None:
         excess = [state.scale - 1.0 for state in states]
@@ -219,12 +224,3 @@ def _understood(search: Search, progress: Progress) -> Search:
             states = states[:1]
     form = None if found is None else found.trial
     return Search(tuple(states), search.trials[: len(states)], form)
-
-
-def _sure(state: State, i: int) -> bool:
-    """Whether the sizes of the i-th effect are not nothing."""
-    one = state.fit.found[i]
-    k = max(len(one.sizes), 1)  # a gap, a limit or a delay is the size of an effect without
-    spread, sizes = state.spread(i)[:k, :k], one.values[:k]
-    chi2 = float(sizes @ np.linalg.pinv(spread, hermitian=True) @ sizes)
-    return chi2 > k * T_MIN**2

@@ -29,7 +29,7 @@ from axistwin.diagnose.fit import Fit, solve
 from axistwin.diagnose.linear import TwoInertias
 from axistwin.diagnose.parallel import each
 from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State, Trial, possible
-from axistwin.diagnose.trials import GAIN_MIN, MOST, Progress, Trials, significant
+from axistwin.diagnose.trials import GAIN_MIN, MOST, T_MIN, Progress, Trials, significant
 from axistwin.errors import InputError
 
 #: Effects that are named at most; of an axis that is told by its torque, where each is a small part
@@ -169,8 +169,17 @@ def chain_to(search: Search, found: Sequence[Found]) -> list[State]:
 def way_to(base: State, last: State) -> list[State]:
     """The states from the one without effects to another one, an effect more in each."""
     if not last.fit.found:
-        return [last]
+        return [base]
     return [*chain_to(Search((base, last), ()), last.fit.found[:-1]), last]
+
+
+def sure(state: State, i: int) -> bool:
+    """Whether the sizes of the i-th effect are not nothing."""
+    one = state.fit.found[i]
+    k = max(len(one.sizes), 1)  # a gap, a limit or a delay is the size of an effect without
+    spread, sizes = state.spread(i)[:k, :k], one.values[:k]
+    chi2 = float(sizes @ np.linalg.pinv(spread, hermitian=True) @ sizes)
+    return chi2 > k * T_MIN**2
 
 
 def by_error(state: State) -> float:
@@ -203,17 +212,28 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
         good = [trial for trial in trials if trial.gain > MOST * excess > GAIN_MIN]
     good = [trial for trial in good[:CONTENDERS] if trial.gain >= CONTENDER * good[0].gain]
 
+    def replayable(kind: Kind) -> bool:
+        # What the steps of a replay leave, a further mode and its initial states may explain.
+        return state.scale > RIGHT or not isinstance(kind, ExtraMode)
+
     def fitted(i: int) -> State:
-        progress(f"fitting {good[i].found.kind.effect} at {good[i].found.kind.location}")
-        fit = replace(state.fit, found=(*state.fit.found, good[i].found))
-        return state.beside(fit) if i < _SIMULATED else State.along(fit, state.motion)
+        one = good[i].found
+        progress(f"fitting {one.kind.effect} at {one.kind.location}")
+        fit = replace(state.fit, found=(*state.fit.found, one))
+        near = i < _SIMULATED and replayable(one.kind)
+        return state.beside(fit) if near else State.along(fit, state.motion)
+
+    def simulated(one: State) -> State:
+        return one.simulated() if replayable(one.fit.found[-1].kind) else one
 
     contenders = sorted(possible(fitted, range(len(good))), key=by_error)
-    contenders[:_SIMULATED] = each(State.simulated, contenders[:_SIMULATED])
+    contenders[:_SIMULATED] = each(simulated, contenders[:_SIMULATED])
     fits = [
         one
         for one in contenders
-        if one.plausible and significant(one.against(state, one.fit.found[-1]), state)
+        if one.plausible
+        and significant(one.against(state, one.fit.found[-1]), state)
+        and _of_some_size(one)
     ]
     best = min(fits, key=by_error, default=None)
     left = best or state
@@ -229,6 +249,15 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
         if one.fit.found[-1].kind == simpler and state.fitted - one.fitted > enough:
             return one
     return best
+
+
+def _of_some_size(state: State) -> bool:
+    """Is the effect that came last one, and no further mode of next to no inertia?
+
+    The initial states of one may explain what is left of windows that begin in a wrong state.
+    """
+    found = state.fit.found
+    return not isinstance(found[-1].kind, ExtraMode) or sure(state, len(found) - 1)
 
 
 def _simpler(kind: Kind) -> Kind | None:

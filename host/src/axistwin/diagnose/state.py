@@ -113,12 +113,12 @@ class State:
         """With a simulation of the effects, where more is left than noise."""
         return self.replayed() if self.replay is None and self.scale > _ALL else self
 
-    def replayed(self, near: Replay | None = None) -> State:
+    def replayed(self, near: Replay | None = None, *, finely: bool = False) -> State:
         """The same adjusted to a simulation of the effects, if that brings it nearer; ``near``
-        there is another one, in the same windows or in parts of them."""
+        there is another one, in the same windows or in parts of them. See find_replay()."""
         if self.fit.corner > 0.0:
             return self  # that is for the last digits above the noise
-        replay = find_replay(self.fit, self.motion, near)
+        replay = find_replay(self.fit, self.motion, near, finely=finely)
         if replay is None or self.fit.misfit(replay.residual) > self.fitted:
             return self
         return State(replay.fit, replay.motion, replay)
@@ -188,8 +188,10 @@ class State:
         return float(np.sum(self.errors[~self.fit.windows.held_out]))
 
     def against(self, other: State, found: Found) -> Trial:
-        """What this state gains over another one by an effect."""
-        return Trial(found, other.errors, self.errors, self.fit.windows.held_out)
+        """What this state gains over another one by an effect; the noise that further initial
+        states explain is no gain."""
+        after = self.errors + (other.samples - self.samples)
+        return Trial(found, other.errors, after, self.fit.windows.held_out)
 
     def excess(self, *, held_out: bool) -> float:
         """The error of the windows that are held out, or of the others, beyond noise."""
