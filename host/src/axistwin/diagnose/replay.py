@@ -142,7 +142,7 @@ def find_replay(
     ``near``, or as the first of several there that are parts of one here, if they can. ``finely``
     is for friction whose steps are what is left.
 
-    None where the axis with its effects is linear, or goes by itself where no axis can.
+    None where the axis with its effects is linear, or would have to be one that no axis is.
     """
     if all(_linear(one) for one in fit.found) or fit.noise is None:
         return None
