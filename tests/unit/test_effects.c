@@ -512,7 +512,9 @@ CASE(left_is_the_mirror_image_of_right_bit_for_bit) {
 /* In the play, table and further inertia m I2 swing against each other with the frequency
  * p sqrt(1 + m), and the table has m / (1 + m) of that. */
 CASE(a_further_mode_swings_on_from_its_state) {
-    const double p = 200, m = 0.3, amplitude = 1e-3;
+    const double p = 200;
+    const double m = 0.3;
+    const double amplitude = 1e-3;
     const axt_effects effects = {.backlash = (axt_real)0.2,
                                  .extra_mode = {(axt_real)p, 0, (axt_real)m}};
     axt_machine machine = machine_of(&axt_axis_paper, step_20khz, &effects);
@@ -529,8 +531,7 @@ CASE(a_further_mode_swings_on_from_its_state) {
     CHECK_EQUAL(axt_machine_set_mode(&machine, 0, (axt_real)(amplitude * omega)), AXT_OK);
     for (int n = 1; n < 2000; n++) {
         CHECK_EQUAL(axt_machine_step(&machine, 0), AXT_OK);
-        /* The inertia carries the table along: both go on with the speed that they have in common.
-         */
+        /* The inertia carries the table along: both go on with the speed they have in common. */
         const double turned = omega * n * (double)step_20khz;
         const double ahead = m / (1 + m) * amplitude * (turned - sin(turned));
         CHECK_NEAR(motion_of(&machine).twist, ahead, 1e-3 * amplitude * (1 + turned / 10));
