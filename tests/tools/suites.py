@@ -6,8 +6,9 @@ Every target runs, whatever became of the others; its output goes to build/resul
 is printed when it fails (with --show: always, while it runs). What is counted is what was seen to
 run: the JUnit report of a pytest suite, the closing lines of unit test programs, otherwise one
 check a target. A target that fails without a failure of its own counted (a crash, a compiler
-error, a test runner that did not start) counts as one failure. The last line is the sum; the exit
-status is 1 unless all ran and nothing failed.
+error, a test runner that did not start) counts as one failure. The end names what failed and what
+was skipped, so that the last lines alone say it; the very last one is the sum. The exit status is 1
+unless all ran and nothing failed.
 """
 
 from __future__ import annotations
@@ -29,42 +30,50 @@ UNIT_CLOSING_LINE = re.compile(r"^\w+: (\d+) passed, (\d+) failed$", re.MULTILIN
 
 @dataclass
 class Count:
-    """Tests by outcome, and why those that were skipped were."""
+    """Tests by outcome, and a line for each that did not pass."""
 
     passed: int = 0
     failed: int = 0
     skipped: int = 0
-    reasons: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     def add(self, other: Count) -> None:
         """Adds another count to this one."""
         self.passed += other.passed
         self.failed += other.failed
         self.skipped += other.skipped
-        self.reasons += other.reasons
+        self.remarks += other.remarks
 
     def __str__(self) -> str:
         return f"{self.passed} passed, {self.failed} failed, {self.skipped} skipped"
+
+
+def brief(outcome: ElementTree.Element) -> str:
+    """The first line of the message of a failure or a skip."""
+    return (outcome.get("message") or "no reason given").splitlines()[0]
 
 
 def count_junit(report: Path) -> Count:
     """What pytest's own report says."""
     count = Count()
     for case in ElementTree.parse(report).iter("testcase"):
-        skip = case.find("skipped")
-        if case.find("failure") is not None or case.find("error") is not None:
+        name = f"{case.get('classname', '')}.{case.get('name', '')}"
+        failure, error, skip = (case.find(kind) for kind in ("failure", "error", "skipped"))
+        fault = failure if failure is not None else error
+        if fault is not None:
             count.failed += 1
+            count.remarks.append(f"FAILED {name}: {brief(fault)}")
         elif skip is not None:
             count.skipped += 1
-            name = f"{case.get('classname', '')}.{case.get('name', '')}"
-            count.reasons.append(f"{name}: {skip.get('message', 'no reason given')}")
+            count.remarks.append(f"SKIPPED {name}: {brief(skip)}")
         else:
             count.passed += 1
     return count
 
 
-def count_target(report: Path, output: str, status: int) -> Count:
+def count_target(target: str, output: str, status: int) -> Count:
     """The outcome of one target, from its report, its output and its exit status."""
+    report = RESULTS / f"{target}.xml"
     if report.exists():
         count = count_junit(report)
     else:
@@ -74,6 +83,8 @@ def count_target(report: Path, output: str, status: int) -> Count:
             count.passed = 1
     if status != 0 and count.failed == 0:
         count.failed = 1
+    if count.failed > sum(remark.startswith("FAILED") for remark in count.remarks):
+        count.remarks.append(f"FAILED {target}: see {RESULTS / target}.log")
     return count
 
 
@@ -101,7 +112,7 @@ def run_target(target: str, show: bool) -> Count:
             lines.append(line)
             if show:
                 print(f"    | {line}", end="", flush=True)
-    count = count_target(report, "".join(lines), process.returncode)
+    count = count_target(target, "".join(lines), process.returncode)
     if count.failed > 0 and not show:
         print("".join(f"    | {line}" for line in lines), end="")
     print(f"{target:<24} {count}   {time.monotonic() - start:.1f} s", flush=True)
@@ -118,8 +129,8 @@ def main() -> int:
     total = Count()
     for target in arguments.targets:
         total.add(run_target(target, target in arguments.show))
-    for reason in total.reasons:
-        print(f"SKIPPED {reason}")
+    for remark in total.remarks:
+        print(remark)
     print(total)
     return 1 if total.failed > 0 else 0
 
