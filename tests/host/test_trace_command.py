@@ -115,8 +115,8 @@ def test_an_upload_that_was_broken_off_goes_on_where_it_was(
     kept = partial.read_bytes()
     if damage == "cut":
         partial.write_bytes(kept[:150_007])
-    elif damage == "altered":  # a trace's frame with another position
-        at = kept.index(b" 481#", 100_000) + 12
+    elif damage == "altered":  # a trace's frame with another position, before any may be missing
+        at = kept.index(b" 481#") + 12
         partial.write_bytes(kept[:at] + bytes([kept[at] ^ 1]) + kept[at + 1 :])
     elif damage == "garbage":
         partial.write_bytes(b"\xff\x00" * 5000)
