@@ -9,6 +9,7 @@ own, and all unknowns are adjusted to that, those states with them.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,12 +19,10 @@ from axistwin import core
 from axistwin.core import Array, Axis, Effect
 from axistwin.diagnose.effects import (
     DRY,
-    Backlash,
     Eccentricity,
     EncoderDelay,
     ExtraMode,
     Found,
-    Hardening,
     LeadError,
     Motion,
     Saturation,
@@ -37,15 +36,13 @@ from axistwin.model import Model
 #: What acts outside of the axis: on the command and in the encoders. Known as the motion is.
 _OUTSIDE = (TorqueDelay, EncoderDelay, Saturation, LeadError, Eccentricity)
 
-#: A step of the simulation turns the vibration by this much at most.
-_VIBRATION_STEP_MAX = 0.1
-
-#: The same for the last digits where play lets the shaft go within a step, or dry friction what it
-#: holds; where its stiffness changes in it, of the vibration at the largest twist.
-_PLAY_STEP_MAX = 0.03
-_DRY_STEP_MAX = 0.025
-_DRY_STEP_FINE = 0.006
-_HARDENED_STEP_MAX = 0.06
+#: A step of the simulation turns the vibration by so much at most, and at least where its error is
+#: larger than this [noise]. What only leads the way, as derivatives do, needs steps no finer than
+#: rough ones.
+_STEP_MAX = 0.1
+_STEP_MIN = 0.006
+_STEP_ERROR = 0.1
+_ROUGH_STEP = 0.05
 
 #: Differences of initial states, in units of the noise, and of sizes, in units of themselves.
 _STATE_STEP = 0.05
@@ -73,10 +70,6 @@ _OUTLIER = 2.0
 _BEGINNINGS = 2
 _OUTLIERS_MAX = 0.8
 _OUTLIERS_AGAIN = 0.25
-
-#: Errors that steps may be to blame for, in units of the one at which a window is an outlier.
-_ROUGH = 2.0
-_RIGHT = 0.5
 
 #: Samples that are simulated at least, if a window has so many; and an error of these [noise
 #: squared] from which no way leads to one that is about noise.
@@ -135,19 +128,16 @@ class Replay:
         return list((of_sizes - explained).transpose(2, 0, 1))
 
 
-def find_replay(
-    fit: Fit, motion: Motion, near: Replay | None = None, *, finely: bool = False
-) -> Replay | None:
+def find_replay(fit: Fit, motion: Motion, near: Replay | None = None) -> Replay | None:
     """The fit adjusted once more, from where it is; its windows begin as those of one that is
-    ``near``, or as the first of several there that are parts of one here, if they can. ``finely``
-    is for friction whose steps are what is left.
+    ``near``, or as the first of several there that are parts of one here, if they can.
 
     None where the axis with its effects is linear, or would have to be one that no axis is.
     """
     if all(_linear(one) for one in fit.found) or fit.noise is None:
         return None
     try:
-        replaying = _Replaying(fit, motion, finely)
+        replaying = _Replaying(fit, motion)
         return (replaying.adjusted_from(near) if near else None) or replaying.adjusted()
     except InputError:  # parameters that no axis has
         return None
@@ -170,8 +160,8 @@ class _Point:
 class _Replaying:
     """``motion`` is that along which errors of encoders are known."""
 
-    def __init__(self, fit: Fit, motion: Motion, finely: bool) -> None:
-        self._fit, self._motion, self._finely = fit, motion, finely
+    def __init__(self, fit: Fit, motion: Motion) -> None:
+        self._fit, self._motion = fit, motion
         self._windows = fit.windows
         self._horizon = fit.windows.length
         noise = float(np.min(fit.noise)) if fit.noise is not None else 0.0
@@ -184,37 +174,26 @@ class _Replaying:
         steps = np.array([1.0, fast, slow, 1.0, 1.0, mode])
         self._state_steps = (_STATE_STEP * noise * steps)[self._free]
         self._turned = max(fast, mode) * fit.windows.time_step
-        self.substeps = self._steps(_VIBRATION_STEP_MAX)
+        self.substeps = self._fine_enough()
 
     def adjusted(self) -> Replay:
         """Raises InputError where there is no way to begin."""
         point = self._beginning(self._fit)
         if not self._near(point):
             point = self._from_afar()
-        self.substeps = self._finer_steps()
-        return self._replay(self._refined(self._rounds(point)))
+        return self._replay(self._rounds(point))
 
     def adjusted_from(self, near: Replay) -> Replay | None:
         """The same where windows begin as those of another one, or as the first of several that are
         parts of them; None if that is far off."""
-        known = near.starts[:: self._windows.length // near.fit.windows.length, : self._free.stop]
-        at_rest = self._free.stop - known.shape[1]  # the inertia of a further mode
-        starts = np.pad(known, ((0, 0), (0, at_rest)))
-        coarse = self.substeps
-        self.substeps = max(self._finer_steps(), near.substeps)
+        known = near.starts[:: self._windows.length // near.fit.windows.length]
+        # What is new takes other beginnings, as it does of an axis that is linear.
+        before = self._seeming(replace(near.fit, windows=self._windows))
+        starts = self._seeming(self._fit)
+        columns = slice(min(starts.shape[1], before.shape[1]))
+        starts[:, columns] += (known - before)[:, columns]
         point = self._begun(self._point(self._fit, starts), _OUTLIERS_MAX)
-        if self._near(point):
-            return self._replay(self._refined(self._rounds(point)))
-        self.substeps = coarse
-        return None
-
-    def _refined(self, point: _Point) -> _Point:
-        """The same with finer steps, where those may be what leaves more than noise."""
-        finer = self._steps(_DRY_STEP_MAX)
-        if not self._dry or finer <= self.substeps or not self._nearly_right(point):
-            return point
-        self.substeps = finer
-        return self._rounds(point)
+        return self._replay(self._rounds(point)) if self._near(point) else None
 
     def _replay(self, point: _Point) -> Replay:
         of_states, columns = self._derivatives(point)
@@ -224,7 +203,11 @@ class _Replaying:
 
     def _beginning(self, fit: Fit) -> _Point:
         """A fit in windows that start as their motion seems to begin."""
-        return self._point(fit, fit.system.starts(fit.starts(self._motion)))
+        return self._point(fit, self._seeming(fit))
+
+    def _seeming(self, fit: Fit) -> Array:
+        """The starts (w, s) of a fit whose effects act along the motion."""
+        return fit.system.starts(fit.starts(self._motion))
 
     def _from_afar(self) -> _Point:
         """Far off, a simulation soon has nothing in common with what it is adjusted to: short ones
@@ -232,6 +215,7 @@ class _Replaying:
         length = self._windows.length
         parts = sorted({max(length // part, min(_HORIZON_MIN, length)) for part in _HORIZONS})
         self._horizon = parts[0]
+        enough, self.substeps = self.substeps, min(self.substeps, self._steps(_ROUGH_STEP))
         best: _Point | None = None
         for plant in (self._fit.plant, *self._fit.plant.others()):
             try:
@@ -246,7 +230,7 @@ class _Replaying:
             raise InputError("no axis behaves like that")
         for self._horizon in parts[1:]:
             best = self._rounds(best)
-        self._horizon = length
+        self._horizon, self.substeps = length, enough
         return best
 
     def _rounds(self, point: _Point) -> _Point:
@@ -256,31 +240,36 @@ class _Replaying:
         most = _OUTLIERS_MAX
         for _ in range(_ROUNDS):
             point, most = self._begun(point, most), _OUTLIERS_AGAIN
-            moved = self._step(point)
+            little = _LITTLE if whole and self._near(point) else _LITTLE_FROM_AFAR
+            least = _NO_GAIN + little * self._misfit(point)
+            moved = self._step(point, least)
             if moved is None:
                 return point
             gained, point = self._misfit(point) - self._misfit(moved), moved
             if whole:
                 self._motion = point.fit.motion_of(self._motion, point.angles, point.speeds)
-            little = _LITTLE if whole and self._near(point) else _LITTLE_FROM_AFAR
-            if gained < _NO_GAIN + little * self._misfit(point):
+            if gained < least:
                 break
         return self._begun(point, most)
 
-    def _finer_steps(self) -> int:
-        """From one sample to the next, where the shaft is not linear."""
-        finest = self.substeps
-        for one in self._fit.found:
-            if isinstance(one.kind, Backlash):
-                finest = max(finest, self._steps(_PLAY_STEP_MAX))
-            elif isinstance(one.kind, DRY) and self._finely:
-                finest = max(finest, self._steps(_DRY_STEP_FINE))
-            elif isinstance(one.kind, Hardening) and isinstance(self._fit.plant, TwoInertias):
-                largest = float(np.max(np.abs(self._motion.twist)))
-                bend = 3.0 * float(one.sizes[0]) * largest**2 / self._fit.plant.axis.K
-                faster = float(np.sqrt(max(1.0 + bend, 1.0)))
-                finest = max(finest, self._steps(_HARDENED_STEP_MAX / faster))
-        return finest
+    def _fine_enough(self) -> int:
+        """Steps from one sample to the next whose error is little against the noise.
+
+        It goes with the square of a step, so the difference of two numbers of steps tells it.
+        """
+        fit, starts = self._fit, self._seeming(self._fit)
+
+        def of_effects(substeps: int) -> Array:
+            played, linear = (
+                self._played(one, starts, substeps=substeps)[0] for one in (fit, _linearised(fit))
+            )
+            return self._vectors(fit, played - linear)
+
+        few, finest = self._steps(_STEP_MAX), self._steps(_STEP_MIN)
+        missed = 4.0 / 3.0 * (of_effects(2 * few) - of_effects(few))
+        error = float(np.sqrt(np.mean(missed**2)))
+        enough = few * np.sqrt(error / _STEP_ERROR)
+        return int(np.clip(np.ceil(enough), few, finest)) if np.isfinite(enough) else finest
 
     def _steps(self, turn: float) -> int:
         """From one sample to the next, if the vibration turns by so much in one."""
@@ -300,10 +289,6 @@ class _Replaying:
         """Is the error about that of noise, or so many times that?"""
         return self._misfit(point) < times * _OUTLIER * self._samples * self._windows.count
 
-    def _nearly_right(self, point: _Point) -> bool:
-        """Could it be the steps that leave more than noise?"""
-        return self._near(point, _ROUGH) and not self._near(point, _RIGHT)
-
     # ---- Unknowns of all windows
 
     def _misfit(self, point: _Point) -> float:
@@ -315,19 +300,22 @@ class _Replaying:
         beyond = _OUTLIER * (1.0 + np.log(np.maximum(mean / _OUTLIER, 1.0)))
         return float(np.sum(np.minimum(mean, beyond))) * self._samples
 
-    def _step(self, point: _Point) -> _Point | None:
-        """A better point, None if there is none on the way."""
+    def _step(self, point: _Point, least: float) -> _Point | None:
+        """A better point, None if there is none on the way, or none that gains the least."""
         of_states, columns = self._derivatives(point)
         both = np.concatenate([columns, point.residual[:, :, None]], axis=2)
         back, explained = _eliminated(of_states, both)
         left = both - explained
-        weights = 1.0 / np.maximum(_squares(point.residual) / (_OUTLIER * self._samples), 1.0)
+        before = _squares(point.residual)
+        weights = 1.0 / np.maximum(before / (_OUTLIER * self._samples), 1.0)
         left *= np.sqrt(weights)[:, None, None]
         own, error = left[:, :, :-1], left[:, :, -1]
         chosen = ~self._windows.held_out
         gram = np.einsum("wna,wnb->ab", own[chosen], own[chosen], optimize=True)
         right = np.einsum("wna,wn->a", own[chosen], error[chosen], optimize=True)
         step = solve_normal(gram, right)
+        if float(np.sum(weights * before - _squares(error))) + float(right @ step) < least:
+            return None
         states = (back[:, :, -1] - back[:, :, :-1] @ step) * self._state_steps
         step = point.fit.directions @ step
         for halving in range(_HALVINGS):
@@ -350,27 +338,53 @@ class _Replaying:
 
         Friction and play have an axis forget how it began, so that no small step of a whole window
         leads to a better beginning: its first part is made right first, then more and more; from
-        where it seems to begin and from rest.
+        where the window before it ends, from where it seems to begin and from rest.
         """
-        which = np.flatnonzero(_squares(point.residual) > _OUTLIER * self._samples)
-        if not 0 < len(which) < most * self._windows.count:
+        starts, errors = point.starts.copy(), _squares(point.residual)
+        off = _OUTLIER * self._samples
+        if not 0 < np.count_nonzero(errors > off) < most * self._windows.count:
             return point
-        rest = point.starts.copy()
-        rest[which, 1:3] = rest[which, 5:] = 0.0
-        best = point.starts[which], point.residual[which]
-        for first in (point.starts, rest) if self._dry else (point.starts,):
-            starts = first[which]
+        for first in self._beginnings(point):
+            which = np.flatnonzero(errors > off)
+            tried = first[which]
             with contextlib.suppress(InputError):  # from there it would leave all bounds
                 for part in (8, 2, 1):
                     for _ in range(_BEGINNINGS):
-                        starts = self._begun_nearer(point, which, starts, self._horizon // part)
-                    now = starts, self._residual(point, which, starts, self._horizon)
-                    best = _better(best, now)
-        starts = point.starts.copy()
-        starts[which] = best[0]
+                        tried = self._begun_nearer(point, which, tried, self._horizon // part)
+                    error = _squares(self._residual(point, which, tried, self._horizon))
+                    better = error < errors[which]
+                    starts[which[better]] = tried[better]
+                    errors[which[better]] = error[better]
+            if np.all(errors <= off):
+                break
         begun = self._point(point.fit, starts)
-        better = np.sum(_squares(begun.residual)) < np.sum(_squares(point.residual))
-        return begun if better else point
+        gained = np.sum(_squares(begun.residual)) < np.sum(_squares(point.residual))
+        return begun if gained else point
+
+    def _beginnings(self, point: _Point) -> Iterator[Array]:
+        """Starts (w, s) that windows could have instead."""
+        if self._horizon == self._windows.length:
+            yield self._carried_on(point)
+        yield point.starts
+        if self._dry:
+            rest: Array = point.starts.copy()
+            rest[:, 1:3] = rest[:, 5:] = 0.0
+            yield rest
+
+    def _carried_on(self, point: _Point) -> Array:
+        """The starts (w, s), each where the window before it ends, if that is the sample before."""
+        windows = self._windows
+        carried: Array = point.starts.copy()
+        after = 1 + np.flatnonzero(windows.index[1:, 0] == windows.index[:-1, -1] + 1)
+        if len(after) == 0:
+            return carried
+        before = after - 1
+        ends = self._played(point.fit, point.starts[before], before, windows.length + 1)[..., -1]
+        (motor, table), (speed, table_speed) = ends
+        shift = windows.angles[0, before, 0] - windows.angles[0, after, 0]
+        states = (motor - table, speed - table_speed, speed, motor + shift)
+        carried[after, :4] = np.stack(states, axis=1)
+        return carried
 
     def _begun_nearer(
         self, point: _Point, which: npt.NDArray[np.intp], starts: Array, horizon: int
@@ -410,7 +424,7 @@ class _Replaying:
 
     def _point(self, fit: Fit, starts: Array) -> _Point:
         """Raises InputError for unknowns that no axis can have."""
-        linear = replace(fit, found=tuple(one for one in fit.found if _linear(one)))
+        linear = _linearised(fit)
         simulated = linear.simulate(self._motion, fit.system.states(starts))
         angles, speeds = (one[:, :, : self._horizon] for one in simulated)
         played = self._played(fit, starts)
@@ -428,12 +442,14 @@ class _Replaying:
         starts: Array,
         which: npt.NDArray[np.intp] | None = None,
         horizon: int | None = None,
+        substeps: int | None = None,
     ) -> Array:
         """Angles and speeds (2, 2, w, l) of motor and table, of some windows, by the core."""
         windows, motion = self._windows, self._motion
         chosen = slice(None) if which is None else which
         outside = [one.push(motion, fit.plant) for one in fit.found if _outside(one)]
         torque = np.mean(fit.commanded(outside, windows.cut(windows.torque)), axis=0)
+        torque = np.pad(torque, ((0, 0), (0, 1)), "edge")  # the last one is held, too
         axis, effects = self._in_core(fit)
         turn = 2.0 * np.pi / motion.turn
         absolute = starts.copy()
@@ -445,7 +461,7 @@ class _Replaying:
             torque[chosen, : horizon or self._horizon] * self._force(fit) / turn,
             windows.time[chosen, 0],
             absolute * turn,
-            self.substeps,
+            substeps or self.substeps,
         )
         return np.stack([angles / turn + starts[:, 3:4], speeds / turn])
 
@@ -475,10 +491,11 @@ class _Replaying:
 
     def _derivatives(self, point: _Point) -> tuple[Array, Array]:
         """By the steps of the initial states (w, c l, s) and along the directions (w, c l, k)."""
-        fit = point.fit
+        fit, (substeps, played) = point.fit, self._roughly(point)
 
         def change(other: Fit, starts: Array) -> Array:
-            return self._vectors(fit, self._played(other, starts)[0] - point.played)
+            moved = self._played(other, starts, substeps=substeps)[0]
+            return self._vectors(fit, moved - played)
 
         of_states = []
         for step in np.diag(self._state_steps):
@@ -512,12 +529,20 @@ class _Replaying:
                 columns.append(change(fit.with_values(values), point.starts) / more)
         return np.stack(of_states, axis=2), np.stack(columns, axis=2)
 
+    def _roughly(self, point: _Point) -> tuple[int, Array]:
+        """Rough steps from one sample to the next, and the angles (2, w, l) that they make."""
+        substeps = min(self.substeps, self._steps(_ROUGH_STEP))
+        if substeps == self.substeps:
+            return substeps, point.played
+        return substeps, self._played(point.fit, point.starts, substeps=substeps)[0]
+
     def by_size(self, point: _Point, found: Found, little: float) -> Array:
         """By the sizes of a further effect (w, c l, k), as far as a ``little`` of it tells."""
+        substeps, played = self._roughly(point)
         columns = []
         for sizes in little * np.eye(len(found.sizes)):
             more = replace(point.fit, found=(*point.fit.found, replace(found, sizes=sizes)))
-            moved = self._played(more, point.starts)[0] - point.played
+            moved = self._played(more, point.starts, substeps=substeps)[0] - played
             columns.append(self._vectors(point.fit, moved) / little)
         return np.stack(columns, axis=2)
 
@@ -534,16 +559,15 @@ def _linear(one: Found) -> bool:
     return _outside(one) or isinstance(one.kind, ExtraMode)
 
 
+def _linearised(fit: Fit) -> Fit:
+    """The fit without what makes its axis another than a linear one."""
+    return replace(fit, found=tuple(one for one in fit.found if _linear(one)))
+
+
 def _squares(residual: Array) -> Array:
     """Of the windows (w,)."""
     squares: Array = np.sum(residual**2, axis=1)
     return squares
-
-
-def _better(one: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Starts and errors of each window as in the better one of two."""
-    better = (_squares(other[1]) < _squares(one[1]))[:, None]
-    return np.where(better, other[0], one[0]), np.where(better, other[1], one[1])
 
 
 def _eliminated(of_states: Array, columns: Array) -> tuple[Array, Array]:

@@ -113,8 +113,6 @@ def _lengthened(search: Search, times: int, progress: Progress) -> Search:
         return State(replace(state.fit, windows=windows.recut(length)), state.motion.recut(length))
 
     last = longer(search.states[-1]).replayed(search.states[-1].replay)
-    if last.scale > RIGHT:
-        last = min(last, longer(search.states[-1]).replayed(finely=True), key=by_error)
     if last.replay is None:
         last = State.of(last.fit, last.motion)
     if last.scale > _LOST:
@@ -137,9 +135,6 @@ def _confirmed(search: Search, windows: Windows, progress: Progress) -> Search:
     progress("going on in the whole record")
     whole = _at_moments(replace(last.fit, windows=windows), progress)
     whole = whole.heard().replayed()
-    if whole.scale > RIGHT:
-        known = replace(last.fit, windows=windows, noise=whole.fit.noise)
-        whole = min(whole, State(known, whole.motion).replayed(finely=True), key=by_error)
     base = State.along(replace(first.fit, windows=windows, noise=whole.fit.noise))
     states = way_to(base, whole)
     while len(states) > 1:

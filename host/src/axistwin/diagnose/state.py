@@ -113,12 +113,12 @@ class State:
         """With a simulation of the effects, where more is left than noise."""
         return self.replayed() if self.replay is None and self.scale > _ALL else self
 
-    def replayed(self, near: Replay | None = None, *, finely: bool = False) -> State:
+    def replayed(self, near: Replay | None = None) -> State:
         """The same adjusted to a simulation of the effects, if that brings it nearer; ``near``
         there is another one, in the same windows or in parts of them. See find_replay()."""
         if self.fit.corner > 0.0:
             return self  # that is for the last digits above the noise
-        replay = find_replay(self.fit, self.motion, near, finely=finely)
+        replay = find_replay(self.fit, self.motion, near)
         if replay is None or self.fit.misfit(replay.residual) > self.fitted:
             return self
         return State(replay.fit, replay.motion, replay)

@@ -97,9 +97,14 @@ class Trials:
         return sorted(trials, key=lambda trial: -trial.gain)
 
     def _replayed(self, trial: Trial) -> Trial | None:
-        """The same beside effects as they act, where those bend the answer of the axis."""
+        """The same beside effects as they act, where those bend the answer of the axis.
+
+        Of an axis with next to nothing left only what seems to help it.
+        """
         found, replay = trial.found, self._state.replay
-        if replay is None or self._scale < RIGHT or found.kind.sizes == 0:
+        if replay is None or found.kind.sizes == 0:
+            return None
+        if self._scale < RIGHT and not significant(trial, self._state):
             return None
         if isinstance(found.kind, Form):  # which the core cannot simulate
             return None
