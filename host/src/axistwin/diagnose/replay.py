@@ -36,12 +36,12 @@ from axistwin.model import Model
 #: What acts outside of the axis: on the command and in the encoders. Known as the motion is.
 _OUTSIDE = (TorqueDelay, EncoderDelay, Saturation, LeadError, Eccentricity)
 
-#: A step of the simulation turns the vibration by so much at most, and at least where its error is
-#: larger than this [noise]. What only leads the way, as derivatives do, needs steps no finer than
-#: rough ones.
+#: A step of the simulation turns the vibration by so much at most, and at least where the error of
+#: all is larger than this [noise squared]: an effect could be taken for that. What only leads the
+#: way, as derivatives do, needs steps no finer than rough ones.
 _STEP_MAX = 0.1
 _STEP_MIN = 0.006
-_STEP_ERROR = 0.1
+_STEP_ERROR = 20.0
 _ROUGH_STEP = 0.05
 
 #: Differences of initial states, in units of the noise, and of sizes, in units of themselves.
@@ -260,15 +260,15 @@ class _Replaying:
         fit, starts = self._fit, self._seeming(self._fit)
 
         def of_effects(substeps: int) -> Array:
-            played, linear = (
-                self._played(one, starts, substeps=substeps)[0] for one in (fit, _linearised(fit))
-            )
-            return self._vectors(fit, played - linear)
+            both = (fit, _linearised(fit))
+            played, linear = (self._played(one, starts, substeps=substeps)[0] for one in both)
+            angles: Array = (played - linear)[: self._windows.channels]
+            return angles
 
         few, finest = self._steps(_STEP_MAX), self._steps(_STEP_MIN)
-        missed = 4.0 / 3.0 * (of_effects(2 * few) - of_effects(few))
-        error = float(np.sqrt(np.mean(missed**2)))
-        enough = few * np.sqrt(error / _STEP_ERROR)
+        missed = 4.0 / 3.0 * fit.project(of_effects(2 * few) - of_effects(few))
+        error = float(np.sum(missed**2))
+        enough = few * (error / _STEP_ERROR) ** 0.25
         return int(np.clip(np.ceil(enough), few, finest)) if np.isfinite(enough) else finest
 
     def _steps(self, turn: float) -> int:
@@ -323,7 +323,12 @@ class _Replaying:
             starts = point.starts.copy()
             starts[:, self._free] += share * states
             try:
-                moved = self._point(point.fit.moved(share * step), starts)
+                fit = point.fit.moved(share * step)
+                moved = self._point(fit, starts)
+                lost = _squares(moved.residual) > np.maximum(before, _OUTLIER * self._samples)
+                if np.any(lost):  # by beginnings of their own, which all others need not wait for
+                    starts[lost] = point.starts[lost]
+                    moved = self._point(fit, starts)
             except InputError:
                 continue
             if self._misfit(moved) < self._misfit(point):

@@ -94,6 +94,13 @@ def extended(states: list[State], tried: list[tuple[Trial, ...]], progress: Prog
             better = _best(state, trials, progress)
         if better is None:
             return Search(tuple(states), tuple(tried))
+        if state.replay is None and state.scale < RIGHT:
+            # What is left near the noise may be what effects along a motion lack.
+            replayed = state.replayed()
+            if replayed is not state:
+                states[-1] = replayed
+                tried.pop()
+                continue
         states = _heard([*states, _at_better_end(better)])
 
 
