@@ -278,6 +278,42 @@ def test_a_replay_beside_another_one_begins_as_that(
     np.testing.assert_allclose(beside.fit.values, alone.fit.values, rtol=2e-3, atol=2e-6)
 
 
+@pytest.mark.parametrize("noise", [NOISE, 100.0 * NOISE])
+def test_what_is_missed_by_steps_is_no_more_than_an_effect_could_be_taken_for(noise: float) -> None:
+    effects = (Effect("friction_coulomb", "table", {"torque": 0.02}),)
+    first = fitted(record(effects), TwoInertias(AXIS), (Found(Coulomb(1), np.array([0.02]), ()),))
+    played = find_replay(replace(first.fit, noise=np.full(2, noise)), first.motion, first)
+    assert played is not None
+    cut, plant = played.fit.windows, played.fit.plant
+    assert isinstance(plant, TwoInertias)
+    torques, times, starts = cut.cut(cut.torque), cut.time[:, 0], played.starts
+
+    def of_effects(substeps: int) -> Array:
+        given = (STEP, torques, times, starts, substeps)
+        with_them, without = (
+            core.simulate_windows(plant.axis, acting, *given)[0] for acting in (effects, ())
+        )
+        return with_them - without
+
+    def missed(substeps: int) -> float:
+        return float(np.sum(played.fit.project(of_effects(substeps) - of_effects(300)) ** 2))
+
+    assert missed(played.substeps) < 40.0
+    assert missed(played.substeps // 2) > 40.0  # nor are they finer than that takes
+
+
+def test_a_window_begins_where_the_one_before_it_ends() -> None:
+    effects = (Effect("backlash", "shaft", {"gap": 0.02}),)
+    first = fitted(record(effects), TwoInertias(AXIS), (Found(Backlash(), np.zeros(0), (0.02,)),))
+    starts = first.starts.copy()
+    starts[[7, 20]] += [0.3, -90.0, 40.0, -0.6]  # from there no small steps lead back
+    lost = replace(first, _point=replace(first._point, starts=starts))
+    found = find_replay(first.fit, first.motion, lost)
+    assert found is not None
+    assert mean_square(found) == pytest.approx(1.0, abs=0.02)
+    np.testing.assert_allclose(found.starts[[7, 20]], first.starts[[7, 20]], rtol=0.0, atol=1e-4)
+
+
 def test_friction_beside_a_further_mode_is_replayed() -> None:
     friction, shape, ratio = 0.01, (500.0, 0.02), 0.15
     params = {"frequency": shape[0], "damping_ratio": shape[1], "mass_ratio": ratio}
