@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from axistwin.core import Array, Effect
 from axistwin.diagnose import diagnose, resonance, windows
+from axistwin.diagnose.effects import TABLE, ExtraMode, Found
 from axistwin.diagnose.linear import ThreeInertias, Torque, TwoInertias
 from axistwin.errors import InputError
 
@@ -79,6 +80,12 @@ def test_a_mode_without_inertia_leaves_two() -> None:
     expected = TwoInertias(AXIS).respond(STEP, torque, states[:, :4])
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-10 * np.max(np.abs(other)))
+
+
+def test_next_to_no_inertia_is_no_further_mode() -> None:
+    shape = (500.0, 0.02)
+    assert Found(ExtraMode(TABLE), np.array([1e-3]), shape).plausible
+    assert not Found(ExtraMode(TABLE), np.array([1e-6]), shape).plausible  # all is in its states
 
 
 def test_what_is_no_further_mode_is_refused() -> None:

@@ -30,6 +30,10 @@ _SOME = 3
 #: A mode that is damped more than this shows no resonance of its own.
 _NO_RESONANCE = 0.15
 
+#: A further mode has at least this share of the table's inertia: with less, all that it explains is
+#: what its initial states may.
+_MASS_RATIO_MIN = 1e-5
+
 #: A change of speed by this share of what matters is fine enough; otherwise a step is divided into
 #: so many parts.
 _FINE = 0.25
@@ -543,7 +547,9 @@ class ExtraMode(Kind):
         return [Push(table=_axis(plant).I2 * carried.reshape(driven.shape))]
 
     def plausible(self, sizes: Array, shape: Shape) -> bool:
-        return bool(sizes[0] > 0.0 and shape[0] > 0.0 and 0.0 <= shape[1] < _NO_RESONANCE)
+        frequency, damping_ratio = shape
+        swings = frequency > 0.0 and 0.0 <= damping_ratio < _NO_RESONANCE
+        return bool(sizes[0] > _MASS_RATIO_MIN and swings)
 
 
 # ---- The command and the channels
