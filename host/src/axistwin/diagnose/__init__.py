@@ -31,12 +31,10 @@ from axistwin.record import Record
 Progress = Callable[[str], None]
 
 #: An axis whose error is so many times the noise (squared) soon does something else than its
-#: simulation, in a time that effects change a lot; it is plain that it does when it is hopeless.
-#: Then windows are so many times shorter at first, but as long as some periods of the vibration; by
-#: such numbers because they become longer by two, three or four times at once. A rigid axis only
-#: drifts: its errors are weighted.
+#: simulation, in a time that effects change a lot. Then windows are so many times shorter at first,
+#: but as long as some periods of the vibration; by such numbers because they become longer by two,
+#: three or four times at once. A rigid axis only drifts: its errors are weighted.
 _FAR = 100.0
-_HOPELESS = 1e6
 _SHORTER = (1, 2, 3, 4, 6, 8, 9, 12, 16)
 _PERIODS = 3.0
 
@@ -72,7 +70,7 @@ def diagnose(
 def _searched(record: Record, cut: Windows, hold: Hold, progress: Progress) -> Search:
     progress("looking for the axis")
     start = _start(record, cut, hold, progress)
-    bases = beginning.bases(Fit(cut.part(_FIRST_SAMPLES), hold, start), _HOPELESS)
+    bases = beginning.bases(Fit(cut.part(_FIRST_SAMPLES), hold, start), _FAR)
     parts = 1
     if all(base.scale > _FAR for base in bases) and isinstance(start, TwoInertias):
         parts = _parts(start, cut)

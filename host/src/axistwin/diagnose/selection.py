@@ -63,6 +63,9 @@ _LITTLE, _DAMPING = 1e-3, 0.05
 #: So many of the best contenders are simulated.
 _SIMULATED = 2
 
+#: Where friction at the other end leaves so many times the error it cannot be there.
+_FAR_OFF = 10.0
+
 #: How often the effects that were found may be replaced by others.
 _REVISIONS = 3
 
@@ -309,7 +312,10 @@ def _at_better_end(state: State) -> State:
         else one
         for one in state.fit.found
     )
-    other = State.of(replace(state.fit, found=moved), state.motion)
+    other = State.along(replace(state.fit, found=moved), state.motion)
+    if other.fitted > _FAR_OFF * State.along(state.fit, state.motion).fitted:
+        return state
+    other = other.simulated()
     if other.plausible and other.fitted < state.fitted - LIKELIER * state.scale:
         return other
     return state
