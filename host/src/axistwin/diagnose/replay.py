@@ -36,9 +36,9 @@ from axistwin.model import Model
 #: What acts outside of the axis: on the command and in the encoders. Known as the motion is.
 _OUTSIDE = (TorqueDelay, EncoderDelay, Saturation, LeadError, Eccentricity)
 
-#: A step of the simulation turns the vibration by so much at most, and at least where the error of
-#: all is larger than this [noise squared]: an effect could be taken for that. What only leads the
-#: way, as derivatives do, needs steps no finer than rough ones.
+#: A step of the simulation turns the vibration by so much at most; by less, down to another limit,
+#: where the error of all steps together were more than this [noise squared], which an effect could
+#: be taken for. What only leads the way, as derivatives do, needs steps no finer than rough ones.
 _STEP_MAX = 0.1
 _STEP_MIN = 0.006
 _STEP_ERROR = 20.0
