@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from axistwin.core import Effect
-from axistwin.diagnose import diagnose, resonance, search, windows
-from axistwin.diagnose.effects import Disturbance, ExtraMode, Found
+from axistwin.diagnose import diagnose, resonance, search, selection, windows
+from axistwin.diagnose.effects import TABLE, Disturbance, ExtraMode, Found, LoadChange
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import TwoInertias
-from axistwin.diagnose.state import State
+from axistwin.diagnose.state import RIGHT, State
 from axistwin.diagnose.trials import Trials
 
 from .diagnosis_records import AXIS, NOISE, STEP, record, shake
@@ -110,6 +110,26 @@ def test_noise_that_further_initial_states_explain_is_no_gain() -> None:
         spread = np.sqrt(4.0 * np.count_nonzero(cut.held_out == held_out))
         difference = two.excess(held_out=held_out) - three.excess(held_out=held_out)
         assert abs(difference) < 4.0 * spread
+
+
+def test_nothing_is_added_near_the_noise_before_a_replay(monkeypatch: pytest.MonkeyPatch) -> None:
+    change = Effect("load_change", "table", {"ratio": 0.3, "time": 3.0})
+    cut = windows.cut(record(change, torque=shake(8_000)), WINDOW)
+    load = Found(LoadChange(TABLE), np.array([0.3]), (3.0,))
+    fit = Fit(cut, "zoh", TwoInertias(AXIS), found=(load,), noise=np.full(2, 1.1 * NOISE))
+    state = State.along(fit)
+    assert state.scale < RIGHT
+    beside: list[bool] = []
+
+    def best(state: State, *_: object) -> State | None:
+        beside.append(state.replay is not None)
+        return None if beside[-1] else state  # what a replay would show to be nothing
+
+    monkeypatch.setattr(selection, "_best", best)
+    monkeypatch.setattr(selection, "addable", lambda _: [])
+    found = selection.extended([state], [], lambda _: None)
+    assert beside == [False, True]
+    assert [one.replay is not None for one in found.states] == [True]
 
 
 def test_the_rounding_of_a_coarse_encoder_is_no_error_of_a_screw() -> None:
