@@ -113,6 +113,12 @@ def test_the_noise_is_told_from_motion_and_from_a_line(length: int, line: float)
     np.testing.assert_allclose(windows.noise_floor(errors), sizes, rtol=0.1 if line else 0.05)
 
 
+def test_how_well_a_floor_is_known() -> None:
+    errors = np.random.default_rng(8).standard_normal((300, 25, 400))  # so many times 25 windows
+    spread = np.std(windows.noise_floor(errors) ** 2)
+    assert windows.floor_spread(errors[0]) == pytest.approx(spread, rel=0.25)
+
+
 @pytest.mark.parametrize("length", [120, 250, 900])
 def test_a_little_in_a_narrow_part_of_the_spectrum_is_told_from_noise(length: int) -> None:
     """A resonance that adds five per cent to the power of the noise, and none."""

@@ -34,7 +34,7 @@ from axistwin.diagnose.result import (
 from axistwin.diagnose.search import UNEXPLAINED
 from axistwin.diagnose.selection import Search
 from axistwin.diagnose.state import State
-from axistwin.diagnose.windows import coloured
+from axistwin.diagnose.windows import coloured, floor_spread
 from axistwin.identify.result import Quantity, quantity, unit
 from axistwin.model import SAMPLE_LOSS, Model
 from axistwin.record import Record
@@ -44,6 +44,9 @@ _ALIKE = 0.8
 
 #: Missing samples that are worth a finding.
 _LOST_MIN = 10
+
+#: What is left has to be more than noise by so many standard deviations of what that is known by.
+_SURE = 3.0
 
 #: Rounding of an encoder this many times its other noise is what limits it.
 _COARSE = 1.0
@@ -226,7 +229,8 @@ class _Answer:
             least = max(noise, rounding)
             free = len(self._last.fit.system.free(windows.time_step, 2)) / windows.channels
             left = np.sum(error[channel] ** 2) / (error[channel].size - free * len(error[channel]))
-            if float(left) > UNEXPLAINED * least**2:
+            more = UNEXPLAINED + _SURE * floor_spread(left_of_all[channel])
+            if float(left) > more * least**2:
                 return True
             if rounding < _FINE * noise and coloured(left_of_all[channel], noise):
                 return True

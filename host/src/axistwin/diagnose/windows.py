@@ -200,6 +200,14 @@ def noise_floor(errors: Array) -> Array:
     return size
 
 
+def floor_spread(errors: Array) -> float:
+    """Standard deviation of the power of a noise_floor(), in units of it, which is found in
+    simulation errors (w, l) of a channel: that of the median of so many lines."""
+    count, length = errors.shape
+    lines = count * (1.0 - _NOISE_BAND) * (length // 2) / _TAPER_LINES
+    return float(1.0 / (_MEDIAN * np.sqrt(lines)))
+
+
 def coloured(errors: Array, floor: float) -> bool:
     """Whether simulation errors (w, l) of a channel hold more than white noise of that size in some
     part of their spectrum, which is little of all where the part is narrow."""
