@@ -1,20 +1,23 @@
-/* Under a constant force the speed w of an inertia follows a straight line to zero and, unless
- * friction holds it, another one on from there. With the changes over a whole step,
+/* In a step, time in steps, the force would change the speed w of an inertia by c + q (2 t - 1) at
+ * t, c being the change and q the trend. Friction of the limit m brings it to rest after the share
+ * p,
  *
- *     onward = change - most    while it goes on (w >= 0; the other way mirrored)
- *     back = change + most      when it has turned round
+ *     w + (c - m) p - q p (1 - p) = 0    if w + c - m <= 0    (w >= 0; the other way mirrored)
  *
- * it goes on for the whole step if w + onward > 0. Otherwise it stops after the share
- * p = w / -onward of the step, turns round if back < 0 and is then at
+ * and holds it up to the share r, from which on the force is beyond the limit and drives it to the
+ * side s, 1 or -1: p where it turns round at once, 1 where it is held. What friction does, -m up to
+ * p, -c - q (2 t - 1) up to r and -s m from there, has the sum
  *
- *     w+ = back (1 - p) = w + change + most (1 - 2 p)
+ *     -m (p + s (1 - r)) - (r - p) (c - q (1 - p - r))
  *
- * or else stays there, w+ = 0. Its mean speed is (p w + (1 - p) w+) / 2, short of the chord
- * (w + w+) / 2 by half of (1 - p) w + p w+, which is 2 p (1 - p) most if it turns round.
+ * and, as it does not act in the middle, moves the mean speed away from that of both ends by half
+ * of
  *
- * w+ is continuous in the change and rises by 1 - 2 most w / onward^2 for 1, which is 0 .. 1 since
- * -onward >= w and -onward >= 2 most where it turns round, by 1 where it goes on, by 0 where it is
- * held. */
+ *     m (s R - P) + c (P - R) + 4/3 q ((r - 1/2)^3 - (p - 1/2)^3),   P = p (1 - p), R = r (1 - r)
+ *
+ * Without a trend these are m (1 - 2 p) and -2 m P where it turns round. The speed at the end is
+ * then continuous in the change and rises by 1 - 2 m w / (c - m)^2 for 1, which is 0 .. 1 since m -
+ * c >= w and m - c >= 2 m where it turns round, by 1 where it goes on, by 0 where it is held. */
 #include "axt_friction.h"
 
 #include "axt_math.h"
@@ -36,19 +39,60 @@ axt_real axt_friction_viscous(const axt_friction *friction, axt_real speed) {
     return (speed < AXT_R(0)) ? friction->viscous - friction->asymmetry : friction->viscous;
 }
 
-axt_friction_step axt_friction_slide(axt_real start, axt_real change, axt_real most) {
-    const axt_real way = (start < AXT_R(0)) ? AXT_R(-1) : AXT_R(1);
-    const axt_real speed = axt_abs(start);
-    const axt_real onward = way * change - most;
-    if (!(speed + onward <= AXT_R(0))) { /* nor is what is no number held */
+static axt_real within(axt_real x, axt_real least, axt_real most) {
+    const axt_real no_more = (x < most) ? x : most;
+    return (no_more > least) ? no_more : least;
+}
+
+static axt_real sign(axt_real x) {
+    return (x < AXT_R(0)) ? AXT_R(-1) : AXT_R(1);
+}
+
+static axt_real cube(axt_real x) {
+    return x * x * x;
+}
+
+/* p; of the two roots the one between 0 and 1, without a difference of like numbers. */
+static axt_real share_to_rest(axt_real speed, axt_real onward, axt_real trend) {
+    if (!(speed > AXT_R(0))) {
+        return AXT_R(0);
+    }
+    if (!(axt_abs(trend) > AXT_R(0))) {
+        return speed / -onward;
+    }
+    const axt_real fall = trend - onward;
+    const axt_real square = fall * fall - AXT_R(4) * trend * speed;
+    const axt_real root = (square > AXT_R(0)) ? axt_sqrt(square) : AXT_R(0);
+    return within(AXT_R(2) * speed / (fall + root), AXT_R(0), AXT_R(1));
+}
+
+axt_friction_step axt_friction_slide(axt_real start, axt_real change, axt_real trend,
+                                     axt_real most) {
+    const axt_real way = sign(start);
+    const axt_real w = axt_abs(start);
+    const axt_real c = way * change;
+    const axt_real q = way * trend;
+    const axt_real onward = c - most;
+    if (w > AXT_R(0) && !(w + onward <= AXT_R(0))) { /* nor is what is no number held */
         return (axt_friction_step){.change = way * onward};
     }
-    const axt_real until = (speed > AXT_R(0)) ? speed / -onward : AXT_R(0); /* it stops */
-    const axt_real rest = AXT_R(1) - until;
-    if (way * change + most < AXT_R(0)) {
-        const axt_real against = way * most;
-        return (axt_friction_step){.change = axt_fma(against, rest - until, change),
-                                   .bend = AXT_R(-2) * against * until * rest};
+    const axt_real p = share_to_rest(w, onward, q);
+    const axt_real at_rest = axt_fma(q, AXT_R(2) * p - AXT_R(1), c);
+    const axt_real at_end = c + q;
+    axt_real r = p;
+    axt_real s = sign(at_rest);
+    if (axt_abs(at_rest) <= most) {
+        s = sign(at_end);
+        r = (axt_abs(at_end) > most)
+                ? within(AXT_R(0.5) + AXT_R(0.5) * (s * most - c) / q, p, AXT_R(1))
+                : AXT_R(1);
     }
-    return (axt_friction_step){.change = -start, .bend = -start * rest, .held = true};
+    const bool held = axt_abs(at_rest) <= most && !(axt_abs(at_end) > most);
+    const axt_real sum = most * (p + s * (AXT_R(1) - r)) + (r - p) * (c - q * (AXT_R(1) - p - r));
+    const axt_real P = p * (AXT_R(1) - p);
+    const axt_real R = r * (AXT_R(1) - r);
+    const axt_real bend = most * (s * R - P) + c * (P - R) +
+                          AXT_R(4.0 / 3) * q * (cube(r - AXT_R(0.5)) - cube(p - AXT_R(0.5)));
+    return (axt_friction_step){
+        .change = held ? -start : way * (c - sum), .bend = way * bend, .held = held};
 }

@@ -39,13 +39,18 @@ typedef struct {
     bool held;       /* at rest at the end: start + change is exactly 0 */
 } axt_friction_step;
 
-/* An inertia begins a step with speed `start`, which a constant force would change by `change` but
- * for dry friction; that would change it by `most` >= 0 if it acted one way all the time [rad/s].
- * Exact for a constant force: an inertia that comes to rest within the step goes back at once or
- * stays, and one at rest stays there, exactly, when the limit allows it. What it gains in energy is
- * the work of the force over the way it goes less that of friction, which is never negative. The
- * step's mean force in place of one that changes makes errors of second order in the step. Cost: 4
- * additions, 3 comparisons; a division and 5 operations more when it stops. */
-axt_friction_step axt_friction_slide(axt_real start, axt_real change, axt_real most);
+/* An inertia begins a step with speed `start`, which a force would change by `change` but for dry
+ * friction; that would change it by `most` >= 0 if it acted one way all the time [rad/s]. Under a
+ * force that is not constant the speed would change by `change` + `trend` at the rate of the end of
+ * the step, and by `change` - `trend` at that of its beginning. Exact for a force that is constant,
+ * or linear in time unless the inertia comes to rest twice or goes on the way it came: one that
+ * comes to rest within the step goes back, at once or when the force is beyond the limit, or stays,
+ * and one at rest stays there, exactly, as long as the limit allows it. Under a constant force it
+ * gains in energy the work of the force over the way it goes less that of friction, which is never
+ * negative. The step's mean force in place of one that changes makes errors of second order in the
+ * step. Cost: 4 additions, 3 comparisons; about 40 operations, a division and, with a trend, a
+ * square root and a division more when it stops. */
+axt_friction_step axt_friction_slide(axt_real start, axt_real change, axt_real trend,
+                                     axt_real most);
 
 #endif

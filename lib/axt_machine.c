@@ -32,10 +32,24 @@
  *     d3 = (h s + e d2) / (1 + e)
  *
  * is the change of its speed, so the table sees an inertia m e / (1 + e) and an impulse
- * -m h s / (1 + e). */
+ * -m h s / (1 + e).
+ *
+ * An exact step (axt_machine_make_exact()) has the speeds of twist and rigid body at both ends as
+ * they are. Of a vibration wn without damping these are linked by
+ *
+ *     q+ - q = x h (v + v+) / 2,   v+ - v = x h (f / Ir - wn^2 (q + q+) / 2),
+ *     x = tan(wn h / 2) / (wn h / 2)
+ *
+ * for a force f that is held, Ir = I1 I2 / (I1 + I2): the trapezoidal rule with ways and impulses
+ * `stretch` x. Impulses on the rigid body are not, so motor and table are coupled by
+ * G - Ir (1 - 1 / x) instead of G, and go I2 / (I1 + I2) (x - 1) times the way of h (v + v+) / 2
+ * further, the table I1 / (I1 + I2) (x - 1) times backwards. With damping x and the B to take
+ * follow from trace and determinant of the exact map z of (q, v): the rule makes 1 - z over 1 + z
+ * of a pole. */
 #include "axt_machine.h"
 
 #include "axt_encoder.h"
+#include "axt_integrator.h"
 #include "axt_math.h"
 
 enum { SWEEPS = 4 };
@@ -43,6 +57,7 @@ enum { SWEEPS = 4 };
 /* A share of the twist: about the root of what rounding is. */
 static const axt_real settled = AXT_IS_DOUBLE ? AXT_R(1e-8) : AXT_R(3e-4);
 static const axt_real twist_max = AXT_R(1e3);
+static const axt_real exact_turn_max = AXT_R(2); /* wn h: what turns by pi seems to turn back */
 static const axt_real turns_per_rad = AXT_R(1) / AXT_TWO_PI;
 
 static bool any(axt_real x) {
@@ -163,7 +178,34 @@ axt_status axt_machine_init(axt_machine *machine, const axt_axis *axis, axt_real
         .mode_drag = drag,
         .mode_share = e / (AXT_R(1) + e),
         .mode_inertia = effects->extra_mode.mass_ratio * axis->I2,
+        .stretch = AXT_R(1),
     };
+    return AXT_OK;
+}
+
+axt_status axt_machine_make_exact(axt_machine *machine) {
+    const axt_axis *axis = &machine->axis;
+    const axt_real h = machine->time_step;
+    const axt_real reduced = axis->I1 * axis->I2 / (axis->I1 + axis->I2);
+    const axt_real stiffness = axis->K / reduced;
+    if (machine->course != AXT_TORQUE_HELD || machine->exact ||
+        !(stiffness * h * h <= exact_turn_max * exact_turn_max)) {
+        return AXT_ERROR_RANGE;
+    }
+    axt_exact_map map;
+    const axt_status status = axt_exact_map_init(&map, axis->B / reduced, stiffness, h);
+    if (status != AXT_OK) {
+        return status;
+    }
+    const axt_real trace = map.a[0][0] + map.a[1][1];
+    const axt_real determinant = map.a[0][0] * map.a[1][1] - map.a[0][1] * map.a[1][0];
+    const axt_real both = AXT_R(4) + AXT_R(2) * trace + determinant;
+    machine->exact = true;
+    machine->stretch = AXT_R(2) / h * axt_sqrt(determinant / (both * stiffness));
+    machine->stretched[0] = axis->I2 / (axis->I1 + axis->I2) * (machine->stretch - AXT_R(1));
+    machine->stretched[1] = axis->I1 / (axis->I1 + axis->I2) * (machine->stretch - AXT_R(1));
+    machine->eased = reduced * (AXT_R(1) - AXT_R(1) / machine->stretch);
+    machine->axis.B = reduced * AXT_R(-4) * (trace + determinant) / (h * both * machine->stretch);
     return AXT_OK;
 }
 
@@ -313,6 +355,7 @@ typedef struct {
     axt_real twist_speed;
     axt_real inertia[2]; /* with viscous friction and the further mode: a, b */
     axt_real impulse[2]; /* of all but shaft and dry friction [N m s] */
+    axt_real drag[2];    /* impulse of viscous friction for a speed of 1 [kg m2] */
     axt_real dry[2];     /* limit of the impulse of dry friction [N m s] */
     bool plain;          /* a straight line for a shaft, and at most one dry friction */
 } step_terms;
@@ -352,9 +395,10 @@ static void find_terms(axt_machine *machine, axt_real torque, step_terms *terms)
         /* in the middle of the step, if the speed goes on changing as it does */
         const axt_real speed = machine->speed[i] + AXT_R(0.5) * machine->speed_change[i];
         const axt_real viscous = axt_friction_viscous(friction, speed) * grown;
-        terms->inertia[i] = inertia[i] + AXT_R(0.5) * h * viscous;
-        terms->impulse[i] = h * (acting[i] + effects->torque_offset[i] + disturbance(machine, i) -
-                                 viscous * machine->speed[i]);
+        terms->drag[i] = h * viscous;
+        terms->inertia[i] = inertia[i] + AXT_R(0.5) * terms->drag[i];
+        terms->impulse[i] = h * (acting[i] + effects->torque_offset[i] + disturbance(machine, i)) -
+                            terms->drag[i] * machine->speed[i];
         terms->dry[i] = h * grown * axt_friction_limit(friction, speed);
         dry += any(terms->dry[i]);
     }
@@ -370,6 +414,7 @@ typedef struct {
 
 static void solve(const axt_machine *machine, const step_terms *terms, step_speeds *found) {
     const axt_real h = machine->time_step;
+    const axt_real way = h * machine->stretch;
     const axt_real a = terms->inertia[0];
     const axt_real b = terms->inertia[1];
     const axt_real v = terms->twist_speed;
@@ -378,22 +423,29 @@ static void solve(const axt_machine *machine, const step_terms *terms, step_spee
     axt_real bend = AXT_R(0);                   /* of the twist speed: half of k1 - k2 */
     axt_real rate = v;
     for (uint32_t sweep = 0; sweep < SWEEPS; sweep++) {
-        const axt_shaft_torque shaft = axt_shaft_mean(&terms->shaft, twist, rate, h);
+        const axt_shaft_torque shaft = axt_shaft_mean(&terms->shaft, twist, rate, way);
         const axt_real through = h * axt_fma(shaft.slope, v + bend - rate, shaft.torque);
-        const axt_real coupling = AXT_R(0.5) * h * shaft.slope;
+        const axt_real coupling = axt_fma(AXT_R(0.5) * h, shaft.slope, -machine->eased);
         const axt_real scale = AXT_R(1) / (a * b + (a + b) * coupling);
         const axt_real compliance[2] = {(b + coupling) * scale, (a + coupling) * scale};
         /* what an impulse at the other end does here, for 1 that it does there */
         const axt_real share[2] = {coupling / (a + coupling), coupling / (b + coupling)};
-        const axt_real impulse[2] = {terms->impulse[0] - through, terms->impulse[1] + through};
+        const axt_real more[2] = {machine->stretched[0] * rate, -machine->stretched[1] * rate};
+        const axt_real impulse[2] = {terms->impulse[0] - through - terms->drag[0] * more[0],
+                                     terms->impulse[1] + through - terms->drag[1] * more[1]};
         const axt_real sum = coupling * scale * (impulse[0] + impulse[1]);
         const axt_real smooth[2] = {axt_fma(b * scale, impulse[0], sum),
                                     axt_fma(a * scale, impulse[1], sum)};
 
+        /* half the impulse by which the shaft's torque rises: of its mean by half of the slope */
+        const axt_real rise =
+            machine->exact ? h * (shaft.slope * rate - terms->shaft.damping * v) : AXT_R(0);
+        const axt_real trend[2] = {-rise * compliance[0], rise * compliance[1]};
+
         for (uint32_t i = 0; i < 2; i++) {
             const axt_real free = axt_fma(share[i], stopped[1 - i], smooth[i]);
-            const axt_friction_step slid =
-                axt_friction_slide(machine->speed[i], free, compliance[i] * terms->dry[i]);
+            const axt_friction_step slid = axt_friction_slide(machine->speed[i], free, trend[i],
+                                                              compliance[i] * terms->dry[i]);
             found->held[i] = slid.held && any(terms->dry[i]);
             found->change[i] = slid.change;
             found->bend[i] = slid.bend;
@@ -432,12 +484,12 @@ static void move(axt_machine *machine, const step_speeds *speeds, axt_real twist
     }
     const axt_real rate =
         (machine->speed[0] - machine->speed[1]) + (machine->speed_low[0] - machine->speed_low[1]);
+    const axt_real twisted = twist_speed + rate + (speeds->bend[0] - speeds->bend[1]);
     machine->motion.twist =
-        limit(axt_fma(half, twist_speed + rate + (speeds->bend[0] - speeds->bend[1]),
-                      machine->motion.twist),
-              twist_max);
+        limit(axt_fma(half * machine->stretch, twisted, machine->motion.twist), twist_max);
+    const axt_real turned = before[0] + machine->speed[0] + speeds->bend[0];
     advance(&machine->motion,
-            half * turns_per_rad * (before[0] + machine->speed[0] + speeds->bend[0]));
+            half * turns_per_rad * axt_fma(machine->stretched[0], twisted, turned));
 
     if (any(machine->mode_inertia)) {
         const axt_real pull = axt_fma(machine->mode_pull, machine->mode_twist,

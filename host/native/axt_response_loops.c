@@ -1,6 +1,5 @@
 #include "axt_response_loops.h"
 
-#include <complex.h>
 #include <math.h>
 
 #include "axt_math.h"
@@ -24,18 +23,6 @@ axt_status axt_loop_respond(axt_real damping, axt_real stiffness, axt_real time_
         }
     }
     return status;
-}
-
-/* The axis whose vibration the trapezoidal rule turns into that of `axis`: poles s become
- * 2/h tanh(s h / 2), h being the step. */
-static void warp(axt_axis *axis, double step) {
-    const double reduced = (double)(axis->I1 * axis->I2 / (axis->I1 + axis->I2));
-    const double damping = 0.5 * (double)axis->B / reduced;
-    const double complex swing = csqrt(damping * damping - (double)axis->K / reduced);
-    const double complex first = ctanh(0.5 * step * (swing - damping)) * 2.0 / step;
-    const double complex second = ctanh(0.5 * step * (-swing - damping)) * 2.0 / step;
-    axis->K = (axt_real)(creal(first * second) * reduced);
-    axis->B = (axt_real)(-creal(first + second) * reduced);
 }
 
 /* By how much what drifts at this rate has grown: never below nothing. */
@@ -76,10 +63,12 @@ axt_status axt_loop_windows(const axt_axis *axis, const axt_effects *effects, ax
         axt_axis own_axis = *axis;
         axt_effects own = *effects;
         start_later(&own_axis, &own, times[w]);
-        warp(&own_axis, (double)time_step / substeps);
         axt_machine machine;
         status = axt_machine_init(&machine, &own_axis, time_step / (axt_real)substeps,
                                   AXT_TORQUE_HELD, &own);
+        if (status == AXT_OK) {
+            status = axt_machine_make_exact(&machine);
+        }
         if (status == AXT_OK) {
             status = axt_machine_set(&machine, &starts[w], torque[w * length]);
         }

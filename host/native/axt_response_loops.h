@@ -21,9 +21,9 @@ axt_status axt_loop_respond(axt_real damping, axt_real stiffness, axt_real time_
  * on what drifts and turns has gone on, and in the state starts[windows], a further mode in that of
  * modes[windows][2], twist and speed as axt_machine_set_mode() has them.
  * angles[2][windows][length] of motor and table are counted from where the motor was at the start
- * of the window, without the errors of the encoders; speeds likewise. The frequency and the damping
- * of the shaft are exact in spite of the steps. Fails as axt_machine_init(), axt_machine_set()
- * and axt_machine_set_mode(), also when a stiffness has drifted to nothing. */
+ * of the window, without the errors of the encoders; speeds likewise. Steps are exact ones. Fails
+ * as axt_machine_init(), axt_machine_make_exact(), axt_machine_set() and axt_machine_set_mode(),
+ * also when a stiffness has drifted to nothing. */
 axt_status axt_loop_windows(const axt_axis *axis, const axt_effects *effects, axt_real time_step,
                             uint32_t substeps, const axt_real *times, const axt_motion *starts,
                             const axt_real *modes, const axt_real *torque, size_t windows,

@@ -21,6 +21,8 @@ from axistwin.errors import InputError
 from axistwin.model import Model
 from axistwin.record import Record
 
+from .effects_reference import Friction, Reference
+
 AXIS = Axis(1e-3, 5e-4, 8e-3, 20.0)  # 245 rad/s, damping ratio 0.05
 STEP = 1e-3
 NOISE = 5e-6
@@ -79,6 +81,34 @@ def test_a_window_goes_on_where_a_simulation_was(effects: list[Effect]) -> None:
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=2e-4 * np.max(np.abs(expected)))
 
 
+@pytest.mark.parametrize("place", [0, 1])
+def test_friction_leaves_errors_of_third_order(place: int) -> None:
+    """Slides, turns round, sticks and breaks away as scipy's integration with events has it."""
+    rng = np.random.default_rng(7)  # of some starts scipy's events miss a rest that is short
+    starts = rng.standard_normal((8, 4)) * (3e-3, 0.5, 0.5, 0.0)
+    push, limit, length = 0.015, 0.02, 60
+    dry = tuple(Friction(coulomb=limit if place == i else 0.0) for i in (0, 1))
+    axis = Reference((AXIS.I1, AXIS.I2, 0.0, AXIS.K), lambda _: push, (dry[0], dry[1]))
+    times = STEP * np.arange(length, dtype=np.float64)
+    of_angles = np.array([[0.0, 0.0, 0.0, 1.0], [-1.0, 0.0, 0.0, 1.0]])
+    of_speeds = np.array([[0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 1.0, 0.0]])
+    both = np.concatenate([of_angles, of_speeds])
+    expected = np.stack([axis.run(times, both @ start)[:, :2] for start in starts])
+    effect = Effect("friction_coulomb", ("motor", "table")[place], {"torque": limit})
+    pushed = np.full((len(starts), length), push)
+
+    def error(substeps: int) -> float:
+        angles, _ = core.simulate_windows(
+            replace(AXIS, B=0.0), [effect], STEP, pushed, np.zeros(len(starts)), starts, substeps
+        )
+        away = angles.transpose(1, 2, 0) - expected
+        return float(np.sqrt(np.mean(away**2)))
+
+    moved = float(np.std(expected[:, :, 0] - expected[:, :, 1]))
+    assert error(2) < 3e-5 * moved
+    assert error(8) < error(2) / 40.0
+
+
 def test_the_vibration_is_exact_in_spite_of_the_steps() -> None:
     starts = np.array([[1e-3, 0.0, 0.0, 0.0], [0.0, 0.2, 1.0, 0.0]])
     still = np.zeros((2, 400))
@@ -90,8 +120,7 @@ def test_the_vibration_is_exact_in_spite_of_the_steps() -> None:
     modal = core.modal(AXIS)
     envelope = np.exp(-modal.zeta * modal.wn * STEP * np.arange(400))
     size = np.array([[1e-3], [0.2 / modal.wn]])
-    # Nothing but its size is that of the steps: in 16 periods it does not get out of step.
-    assert np.max(np.abs(found - expected) / (size * envelope)) < 0.01
+    assert np.max(np.abs(found - expected) / (size * envelope)) < 1e-3
 
 
 def test_a_further_mode_swings_on_in_a_window() -> None:
@@ -299,7 +328,8 @@ def test_what_is_missed_by_steps_is_no_more_than_an_effect_could_be_taken_for(no
         return float(np.sum(played.fit.project(of_effects(substeps) - of_effects(300)) ** 2))
 
     assert missed(played.substeps) < 40.0
-    assert missed(played.substeps // 2) > 40.0  # nor are they finer than that takes
+    # nor are they finer than that takes
+    assert played.substeps <= 3 or missed(played.substeps // 2) > 40.0
 
 
 def test_a_window_begins_where_the_one_before_it_ends() -> None:

@@ -102,6 +102,7 @@ CASE(next_to_nothing_is_newmark_s_method) {
 typedef struct {
     axt_real start;
     axt_real change;
+    axt_real trend;
     axt_real most;
 } slide_case;
 
@@ -109,6 +110,10 @@ static slide_case any_slide(uint64_t *seed) {
     return (slide_case){.start = (random_bits(seed) % 5 == 0) ? 0 : uniform(seed, -1, 1),
                         .change = uniform(seed, -3, 3),
                         .most = (random_bits(seed) % 9 == 0) ? 0 : log_uniform(seed, 1e-3, 1e1)};
+}
+
+static axt_friction_step slide(const slide_case *c) {
+    return axt_friction_slide(c->start, c->change, c->trend, c->most);
 }
 
 static wide end_of(const slide_case *c, const axt_friction_step *step) {
@@ -123,7 +128,7 @@ CASE(dry_friction_obeys_its_law_and_takes_energy) {
     uint64_t seed = 3;
     for (int n = 0; n < 200000; n++) {
         const slide_case c = any_slide(&seed);
-        const axt_friction_step step = axt_friction_slide(c.start, c.change, c.most);
+        const axt_friction_step step = slide(&c);
         const wide end = end_of(&c, &step);
         const wide mean = mean_of(&c, &step);
         const double altered = (double)step.change - (double)c.change;
@@ -143,31 +148,60 @@ CASE(dry_friction_obeys_its_law_and_takes_energy) {
         if (c.most == 0) {
             CHECK(step.change == c.change && step.bend == 0);
         }
-        const axt_friction_step mirrored = axt_friction_slide(-c.start, -c.change, c.most);
-        CHECK(mirrored.change == -step.change && mirrored.bend == -step.bend &&
-              mirrored.held == step.held);
     }
 }
 
-/* Whatever is exact for a constant force does not depend on the steps that it is made in. */
-CASE(two_steps_against_dry_friction_are_one_step) {
+/* What a force that is linear in time does from `from` to `to`, of the whole step. */
+static slide_case part_of(const slide_case *c, axt_real start, axt_real from, axt_real to) {
+    const axt_real part = to - from;
+    return (slide_case){.start = start,
+                        .change = part * (c->change - c->trend * (1 - from - to)),
+                        .trend = part * part * c->trend,
+                        .most = part * c->most};
+}
+
+/* How often an inertia is at rest when a step is made in many, and where that ends; the way it goes
+ * is that of trapezoids, less what they miss of the course of a force with a trend. */
+static int follow(const slide_case *c, wide *end, wide *way) {
+    enum { PARTS = 64 };
+    axt_real speed = c->start;
+    int rests = c->start == 0;
+    *way = 0;
+    for (int i = 0; i < PARTS; i++) {
+        const slide_case part = part_of(c, speed, (axt_real)i / PARTS, (axt_real)(i + 1) / PARTS);
+        const axt_friction_step step = slide(&part);
+        *way += (mean_of(&part, &step) - (wide)part.trend / 6) / PARTS;
+        const axt_real next = speed + step.change;
+        rests += next * speed < 0 || (step.held && speed != 0);
+        /* may have been at rest twice in this part: as slow as that is what has just left it */
+        rests += (step.bend != 0 || speed == 0) && !step.held &&
+                 fabs((double)next) < 4 * fabs((double)part.trend);
+        speed = next;
+    }
+    *end = (wide)speed;
+    return rests;
+}
+
+/* Whatever is exact for a force does not depend on the steps that it is made in. */
+CASE(many_steps_against_dry_friction_are_one_step) {
     uint64_t seed = 20;
     int stops = 0;
-    for (int n = 0; n < 200000; n++) {
-        const slide_case whole = any_slide(&seed);
-        const axt_real part = uniform(&seed, 0, 1);
-        const axt_real rest = 1 - part;
-        const axt_friction_step step = axt_friction_slide(whole.start, whole.change, whole.most);
-        slide_case c = {whole.start, part * whole.change, part * whole.most};
-        const axt_friction_step first = axt_friction_slide(c.start, c.change, c.most);
-        wide way = (wide)part * mean_of(&c, &first);
-        c = (slide_case){c.start + first.change, rest * whole.change, rest * whole.most};
-        const axt_friction_step second = axt_friction_slide(c.start, c.change, c.most);
-        way += (wide)rest * mean_of(&c, &second);
-        const double rounding = 16 * REAL_EPSILON * (1 + (double)whole.most);
-        CHECK_NEAR(end_of(&c, &second), end_of(&whole, &step), rounding);
-        CHECK_NEAR(way, mean_of(&whole, &step), rounding);
-        stops += first.bend != 0 || second.bend != 0;
+    for (int n = 0; n < 20000; n++) {
+        slide_case c = any_slide(&seed);
+        if (n % 2 == 1) {
+            c.trend = uniform(&seed, -2, 2);
+        }
+        const axt_friction_step step = slide(&c);
+        wide end;
+        wide way;
+        const int rests = follow(&c, &end, &way);
+        if (rests > 1 || (rests == 1 && end * (wide)c.start > 0)) { /* twice, or goes on from it */
+            continue;
+        }
+        const double rounding = 100 * REAL_EPSILON * (1 + (double)c.most);
+        CHECK_NEAR(end_of(&c, &step), end, rounding);
+        CHECK_NEAR(mean_of(&c, &step) - (wide)c.trend / 6, way, rounding);
+        stops += rests;
     }
     CHECK(stops > 10000);
 }
@@ -178,9 +212,10 @@ CASE(the_end_speed_follows_the_force_by_none_to_all_of_it) {
     for (int n = 0; n < 200000; n++) {
         const slide_case c = any_slide(&seed);
         const double more = (double)log_uniform(&seed, 1e-4, 1e1);
-        const slide_case pushed = {c.start, c.change + (axt_real)more, c.most};
-        const axt_friction_step low = axt_friction_slide(c.start, c.change, c.most);
-        const axt_friction_step high = axt_friction_slide(c.start, pushed.change, c.most);
+        slide_case pushed = c;
+        pushed.change += (axt_real)more;
+        const axt_friction_step low = slide(&c);
+        const axt_friction_step high = slide(&pushed);
         const double rise = (double)(end_of(&pushed, &high) - end_of(&c, &low));
         const double rounding = 16 * REAL_EPSILON * (1 + (double)c.most + more);
         CHECK(rise >= -rounding);
@@ -189,11 +224,14 @@ CASE(the_end_speed_follows_the_force_by_none_to_all_of_it) {
 }
 
 CASE(what_just_stops_is_held) {
-    const slide_case cases[] = {
-        {0, 0, 0}, {0, 1, 1}, {0, -1, 1}, {1, (axt_real)-0.5, (axt_real)0.5}, {1, -2, 2}};
+    const slide_case cases[] = {{0, 0, 0, 0},
+                                {0, 1, 0, 1},
+                                {0, -1, 0, 1},
+                                {1, (axt_real)-0.5, 0, (axt_real)0.5},
+                                {1, -2, 0, 2}};
     for (size_t i = 0; i < COUNT_OF(cases); i++) {
         const slide_case c = cases[i];
-        const axt_friction_step step = axt_friction_slide(c.start, c.change, c.most);
+        const axt_friction_step step = slide(&c);
         CHECK(step.held && step.change == -c.start);
         CHECK_NEAR(step.bend, (i == 4) ? -0.75 : 0, 0);
     }
@@ -834,7 +872,7 @@ int main(void) {
     RUN(without_effects_it_is_the_plant_bit_for_bit);
     RUN(next_to_nothing_is_newmark_s_method);
     RUN(dry_friction_obeys_its_law_and_takes_energy);
-    RUN(two_steps_against_dry_friction_are_one_step);
+    RUN(many_steps_against_dry_friction_are_one_step);
     RUN(the_end_speed_follows_the_force_by_none_to_all_of_it);
     RUN(what_just_stops_is_held);
     RUN(an_axis_that_sticks_does_not_move_at_all);

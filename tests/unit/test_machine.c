@@ -314,6 +314,97 @@ CASE(friction_of_a_direction_acts_from_the_reversal_on_to_second_order) {
     CHECK(errors[0] > 3 * 3 * errors[1]);
 }
 
+/* ---- Exact steps ----------------------------------------------------------------------------- */
+
+static axt_status exact_machine(axt_machine *machine, const axt_axis *axis, double turn,
+                                axt_torque_course course) {
+    const axt_effects none = {.backlash = 0};
+    const double wn = sqrt((double)axis->K * (1 / (double)axis->I1 + 1 / (double)axis->I2));
+    CHECK_EQUAL(axt_machine_init(machine, axis, (axt_real)(turn / wn), course, &none), AXT_OK);
+    return axt_machine_make_exact(machine);
+}
+
+/* Without damping the twist swings about T I2 / (I1 + I2) / K and the rigid body goes by T / (I1 +
+ * I2): both are closed forms from one sample to the next. */
+CASE(exact_steps_are_the_axis_itself) {
+    axt_axis axis = axt_axis_paper;
+    axis.B = 0;
+    const wide inertia = (wide)axis.I1 + (wide)axis.I2;
+    const wide share = (wide)axis.I2 / inertia;
+    const wide wn = sqrtl((wide)axis.K * (1 / (wide)axis.I1 + 1 / (wide)axis.I2));
+    const double turns[] = {0.02, 0.3, 1.9};
+    for (size_t i = 0; i < COUNT_OF(turns); i++) {
+        axt_machine machine;
+        CHECK_EQUAL(exact_machine(&machine, &axis, turns[i], AXT_TORQUE_HELD), AXT_OK);
+        const wide h = (wide)machine.time_step;
+        const wide c = cosl(wn * h);
+        const wide s = sinl(wn * h);
+        wide twist = 0;
+        wide rate = 0;
+        wide body = 0;
+        wide speed = 0;
+        wide torque = 0;
+        uint64_t seed = 8;
+        for (int n = 0; n < 200; n++) {
+            const axt_real next = uniform(&seed, -0.05, 0.05);
+            CHECK_EQUAL(axt_machine_step(&machine, next), AXT_OK);
+            const wide rest = torque * share / (wide)axis.K;
+            const wide away = twist - rest;
+            twist = rest + away * c + rate / wn * s;
+            rate = rate * c - away * wn * s;
+            body += h * (speed + h / 2 * torque / inertia);
+            speed += h * torque / inertia;
+            torque = (wide)next;
+            axt_motion motion;
+            axt_machine_read(&machine, &motion);
+            const wide angle = 2 * PI * ((wide)motion.turns + (wide)motion.fraction);
+            /* of twists of 1e-4 rad, speeds of 1 rad/s and more */
+            CHECK_NEAR(motion.twist, twist, BY_TYPE(3e-8, 1e-15));
+            CHECK_NEAR(motion.twist_speed, rate, BY_TYPE(1e-4, 1e-12));
+            CHECK_NEAR(motion.speed, speed + share * rate, BY_TYPE(1e-4, 1e-12));
+            CHECK_NEAR(angle, body + share * twist, BY_TYPE(3e-6, 1e-12));
+        }
+    }
+}
+
+/* A damped vibration keeps frequency and damping; what jumps of a force add is of second order. */
+CASE(exact_steps_keep_the_damping) {
+    const double turn = 0.5;
+    axt_axis axis = axt_axis_paper;
+    axis.B *= 20; /* damping ratio 0.8 */
+    axt_machine machine;
+    CHECK_EQUAL(exact_machine(&machine, &axis, turn, AXT_TORQUE_HELD), AXT_OK);
+    const axt_motion start = {.twist = (axt_real)1e-3};
+    CHECK_EQUAL(axt_machine_set(&machine, &start, 0), AXT_OK);
+    const wide wn = sqrtl((wide)axis.K * (1 / (wide)axis.I1 + 1 / (wide)axis.I2));
+    const wide zeta = (wide)axis.B * wn / (2 * (wide)axis.K);
+    /* x[n + 1] = trace x[n] - determinant x[n - 1] is what both roots have in common */
+    const wide trace = 2 * expl(-zeta * (wide)turn) * cosl((wide)turn * sqrtl(1 - zeta * zeta));
+    const wide determinant = expl(-2 * zeta * (wide)turn);
+    wide twist[3] = {(wide)start.twist, 0, 0};
+    for (int n = 1; n < 12; n++) {
+        CHECK_EQUAL(axt_machine_step(&machine, 0), AXT_OK);
+        axt_motion motion;
+        axt_machine_read(&machine, &motion);
+        twist[2] = twist[1];
+        twist[1] = twist[0];
+        twist[0] = (wide)motion.twist;
+        if (n > 1) {
+            CHECK_NEAR(twist[0], trace * twist[1] - determinant * twist[2], BY_TYPE(1e-9, 1e-17));
+        }
+    }
+}
+
+CASE(steps_that_cannot_be_exact_are_refused) {
+    axt_machine machine;
+    CHECK_EQUAL(exact_machine(&machine, &axt_axis_paper, 0.5, AXT_TORQUE_LINEAR), AXT_ERROR_RANGE);
+    CHECK_EQUAL(exact_machine(&machine, &axt_axis_paper, 2.1, AXT_TORQUE_HELD), AXT_ERROR_RANGE);
+    CHECK_EQUAL(exact_machine(&machine, &axt_axis_paper, 0.5, AXT_TORQUE_HELD), AXT_OK);
+    const axt_machine before = machine;
+    CHECK_EQUAL(axt_machine_make_exact(&machine), AXT_ERROR_RANGE); /* twice */
+    CHECK(UNCHANGED(machine, before));
+}
+
 /* ---- Digits ---------------------------------------------------------------------------------- */
 
 /* At 300 rad/s a speed in float is good to 3e-5 rad/s, and the twist would wander by it. */
@@ -380,6 +471,9 @@ int main(void) {
     RUN(smooth_effects_are_their_equations_by_the_trapezoidal_rule);
     RUN(a_stribeck_effect_slows_down_with_the_speed_in_the_middle_of_the_step);
     RUN(friction_of_a_direction_acts_from_the_reversal_on_to_second_order);
+    RUN(exact_steps_are_the_axis_itself);
+    RUN(exact_steps_keep_the_damping);
+    RUN(steps_that_cannot_be_exact_are_refused);
     RUN(the_twist_follows_its_speed_to_digits_that_the_speed_does_not_have);
     RUN(a_fine_encoder_shows_the_nearest_of_its_counts);
     RUN(half_a_turn_is_read_as_it_was_set);
