@@ -38,11 +38,10 @@ _OUTSIDE = (TorqueDelay, EncoderDelay, Saturation, LeadError, Eccentricity)
 
 #: A step of the simulation turns the vibration by so much at most; by less, down to another limit,
 #: where the error of all steps together were more than this [noise squared], which an effect could
-#: be taken for. What only leads the way, as derivatives do, needs steps no finer than rough ones.
+#: be taken for. What only leads the way, as derivatives do, needs no finer ones.
 _STEP_MAX = 0.1
 _STEP_MIN = 0.006
 _STEP_ERROR = 20.0
-_ROUGH_STEP = 0.05
 
 #: Differences of initial states, in units of the noise, and of sizes, in units of themselves.
 _STATE_STEP = 0.05
@@ -215,7 +214,7 @@ class _Replaying:
         length = self._windows.length
         parts = sorted({max(length // part, min(_HORIZON_MIN, length)) for part in _HORIZONS})
         self._horizon = parts[0]
-        enough, self.substeps = self.substeps, min(self.substeps, self._steps(_ROUGH_STEP))
+        enough, self.substeps = self.substeps, self._steps(_STEP_MAX)
         best: _Point | None = None
         for plant in (self._fit.plant, *self._fit.plant.others()):
             try:
@@ -536,7 +535,7 @@ class _Replaying:
 
     def _roughly(self, point: _Point) -> tuple[int, Array]:
         """Rough steps from one sample to the next, and the angles (2, w, l) that they make."""
-        substeps = min(self.substeps, self._steps(_ROUGH_STEP))
+        substeps = self._steps(_STEP_MAX)
         if substeps == self.substeps:
             return substeps, point.played
         return substeps, self._played(point.fit, point.starts, substeps=substeps)[0]
