@@ -254,7 +254,7 @@ class _Replaying:
     def _fine_enough(self) -> int:
         """Steps from one sample to the next whose error is little against the noise.
 
-        It goes with the square of a step, so the difference of two numbers of steps tells it.
+        It goes with the square of a step or faster: the difference of two numbers of steps tells it.
         """
         fit, starts = self._fit, self._seeming(self._fit)
 
@@ -432,7 +432,7 @@ class _Replaying:
         simulated = linear.simulate(self._motion, fit.system.states(starts))
         angles, speeds = (one[:, :, : self._horizon] for one in simulated)
         played = self._played(fit, starts)
-        # The steps of the core are not exact, but nearly the same with and without effects.
+        # What the steps of the core miss is nearly the same with and without effects.
         more = (played - self._played(linear, starts))[:, : self._windows.channels]
         angles, speeds = angles + more[0], speeds + more[1]
         residual = fit.vectors(fit.measured[:, :, : self._horizon] - angles)
