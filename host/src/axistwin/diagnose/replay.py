@@ -254,7 +254,7 @@ class _Replaying:
     def _fine_enough(self) -> int:
         """Steps from one sample to the next whose error is little against the noise.
 
-        It goes with the square of a step or faster: the difference of two numbers of steps tells it.
+        It goes with the square of a step, or faster: two numbers of steps tell it.
         """
         fit, starts = self._fit, self._seeming(self._fit)
 
