@@ -1,6 +1,6 @@
-/* In a step, time in steps, the force would change the speed w of an inertia by c + q (2 t - 1) at
- * t, c being the change and q the trend. Friction of the limit m brings it to rest after the share
- * p,
+/* In a step, time t in steps, the force would change the speed w of an inertia at the rate
+ * c + q (2 t - 1), c being the change and q the trend. Friction of the limit m brings it to rest
+ * after the share p,
  *
  *     w + (c - m) p - q p (1 - p) = 0    if w + c - m <= 0    (w >= 0; the other way mirrored)
  *
@@ -10,14 +10,13 @@
  *
  *     -m (p + s (1 - r)) - (r - p) (c - q (1 - p - r))
  *
- * and, as it does not act in the middle, moves the mean speed away from that of both ends by half
- * of
+ * and, not acting in the middle, moves the mean speed away from that of both ends by half of
  *
  *     m (s R - P) + c (P - R) + 4/3 q ((r - 1/2)^3 - (p - 1/2)^3),   P = p (1 - p), R = r (1 - r)
  *
  * Without a trend these are m (1 - 2 p) and -2 m P where it turns round. The speed at the end is
- * then continuous in the change and rises by 1 - 2 m w / (c - m)^2 for 1, which is 0 .. 1 since m -
- * c >= w and m - c >= 2 m where it turns round, by 1 where it goes on, by 0 where it is held. */
+ * then continuous in the change and rises for 1 by 1 - 2 m w / (c - m)^2 where it turns round,
+ * which is 0 .. 1 since m - c is w and 2 m at least, by 1 where it goes on, 0 where it is held. */
 #include "axt_friction.h"
 
 #include "axt_math.h"
