@@ -247,7 +247,8 @@ def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | 
     ]
     best = min(fits, key=by_error, default=None)
     left = best or state
-    if left.scale > RIGHT and any(isinstance(trial.found.kind, ExtraMode) for trial in trials):
+    mode = any(isinstance(trial.found.kind, ExtraMode) for trial in trials)
+    if mode and (left.scale > RIGHT or left.coloured):
         progress("looking for a further resonance")
         fits += _resonating(state, left)
         best = min(fits, key=by_error, default=None)

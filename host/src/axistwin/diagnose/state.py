@@ -17,7 +17,7 @@ from axistwin.diagnose.fit import Fit, solve
 from axistwin.diagnose.linear import Rigid
 from axistwin.diagnose.parallel import each
 from axistwin.diagnose.replay import Replay, find_replay
-from axistwin.diagnose.windows import median_spectrum
+from axistwin.diagnose.windows import coloured, median_spectrum
 from axistwin.errors import InputError
 
 #: Mean square of an error, in units of the noise, that leaves the plant where it should be; from
@@ -155,6 +155,13 @@ class State:
     def scale(self) -> float:
         """Squared error of a sample, at least that of the noise."""
         return max(1.0, float(np.mean(self.errors)) / self.samples)
+
+    @property
+    def coloured(self) -> bool:
+        """Do the errors of an encoder hold more than white noise in a part of their spectrum?"""
+        noise = self.fit.noise
+        pairs = () if noise is None else zip(self.simulation_error, noise, strict=True)
+        return any(coloured(error, float(floor)) for error, floor in pairs)
 
     @property
     def corner(self) -> float:
