@@ -93,7 +93,7 @@ axt_status axt_machine_init(axt_machine *machine, const axt_axis *axis, axt_real
  * the mean speed; play, hardening, a further mode and what else depends on the motion are still of
  * second order, and energy is no longer kept to the last digit. To be called after
  * axt_machine_init(). AXT_ERROR_RANGE for a torque that is not held, for wn Dt above 2, and for a
- * machine that is exact already: it is then as it was. Cost: about 1000 operations; a step then
+ * machine that is exact already: it is then as it was. Cost: about 1500 operations; a step then
  * takes 20 more, and a sweep or two more where friction holds. */
 axt_status axt_machine_make_exact(axt_machine *machine);
 

@@ -151,6 +151,20 @@ CASE(dry_friction_obeys_its_law_and_takes_energy) {
     }
 }
 
+CASE(dry_friction_is_the_same_both_ways) {
+    uint64_t seed = 30;
+    for (int n = 0; n < 20000; n++) {
+        slide_case c = any_slide(&seed);
+        c.trend = (n % 2 == 0) ? 0 : uniform(&seed, -2, 2);
+        const slide_case back = {-c.start, -c.change, -c.trend, c.most};
+        const axt_friction_step step = slide(&c);
+        const axt_friction_step mirrored = slide(&back);
+        CHECK_NEAR(mirrored.change, -step.change, 0);
+        CHECK_NEAR(mirrored.bend, -step.bend, 0);
+        CHECK(mirrored.held == step.held);
+    }
+}
+
 /* What a force that is linear in time does from `from` to `to`, of the whole step. */
 static slide_case part_of(const slide_case *c, axt_real start, axt_real from, axt_real to) {
     const axt_real part = to - from;
@@ -872,6 +886,7 @@ int main(void) {
     RUN(without_effects_it_is_the_plant_bit_for_bit);
     RUN(next_to_nothing_is_newmark_s_method);
     RUN(dry_friction_obeys_its_law_and_takes_energy);
+    RUN(dry_friction_is_the_same_both_ways);
     RUN(many_steps_against_dry_friction_are_one_step);
     RUN(the_end_speed_follows_the_force_by_none_to_all_of_it);
     RUN(what_just_stops_is_held);
