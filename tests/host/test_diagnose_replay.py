@@ -177,13 +177,13 @@ def test_the_states_of_core_and_plant_are_the_same(plant: Plant) -> None:
 # ---- Fits
 
 
-def record(effects: tuple[Effect, ...], *, one: bool = False) -> Record:
+def record(effects: tuple[Effect, ...], *, one: bool = False, noise: float = NOISE) -> Record:
     """Of an axis with effects, its encoders with noise."""
     command = torque(16_000)
     axis = stiff(1.5e-3, STEP) if one else AXIS
     theta = Model(axis, effects).simulate(command, STEP, substeps=60)
     random = np.random.default_rng(5)
-    first, second = (angle + NOISE * random.standard_normal(len(angle)) for angle in theta)
+    first, second = (angle + noise * random.standard_normal(len(angle)) for angle in theta)
     time: Array = STEP * np.arange(len(command), dtype=np.float64)
     return Record(
         time=time,
@@ -199,10 +199,10 @@ def nearly(plant: Plant) -> Plant:
     return plant.with_values(plant.values * np.resize([1.03, 0.95, 1.2, 0.97], len(plant.values)))
 
 
-def fitted(record: Record, plant: Plant, found: tuple[Found, ...]) -> Replay:
+def fitted(record: Record, plant: Plant, found: tuple[Found, ...], noise: float = NOISE) -> Replay:
     """The replay of a fit that starts off a few per cent from what is true."""
     cut = windows.cut(record)
-    fit = Fit(cut, "zoh", nearly(plant), found=found, noise=np.full(cut.channels, NOISE))
+    fit = Fit(cut, "zoh", nearly(plant), found=found, noise=np.full(cut.channels, noise))
     fit, motion = fit.adjust()
     played = find_replay(fit, motion)
     assert played is not None
@@ -307,12 +307,11 @@ def test_a_replay_beside_another_one_begins_as_that(
     np.testing.assert_allclose(beside.fit.values, alone.fit.values, rtol=2e-3, atol=2e-6)
 
 
-@pytest.mark.parametrize("noise", [NOISE, 100.0 * NOISE])
+@pytest.mark.parametrize("noise", [0.005 * NOISE, 0.1 * NOISE])
 def test_what_is_missed_by_steps_is_no_more_than_an_effect_could_be_taken_for(noise: float) -> None:
     effects = (Effect("friction_coulomb", "table", {"torque": 0.02}),)
-    first = fitted(record(effects), TwoInertias(AXIS), (Found(Coulomb(1), np.array([0.02]), ()),))
-    played = find_replay(replace(first.fit, noise=np.full(2, noise)), first.motion, first)
-    assert played is not None
+    found = (Found(Coulomb(1), np.array([0.02]), ()),)
+    played = fitted(record(effects, noise=noise), TwoInertias(AXIS), found, noise)
     cut, plant = played.fit.windows, played.fit.plant
     assert isinstance(plant, TwoInertias)
     torques, times, starts = cut.cut(cut.torque), cut.time[:, 0], played.starts
@@ -329,7 +328,7 @@ def test_what_is_missed_by_steps_is_no_more_than_an_effect_could_be_taken_for(no
 
     assert missed(played.substeps) < 40.0
     # nor are they finer than that takes
-    assert played.substeps <= 3 or missed(played.substeps // 2) > 40.0
+    assert missed(played.substeps // 2) > 40.0
 
 
 def test_a_window_begins_where_the_one_before_it_ends() -> None:
