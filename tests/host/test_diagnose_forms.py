@@ -8,12 +8,17 @@ import numpy as np
 import pytest
 
 from axistwin.core import Effect
-from axistwin.diagnose import diagnose, words
-from axistwin.diagnose.forms import Form, forms, slipping
+from axistwin.diagnose import diagnose, nameless, windows, words
+from axistwin.diagnose.effects import TABLE, ExtraMode, Found
+from axistwin.diagnose.fit import Fit
+from axistwin.diagnose.forms import Form, TorqueCurve, forms, slipping
+from axistwin.diagnose.linear import TwoInertias
 from axistwin.diagnose.result import Resemblance
+from axistwin.diagnose.state import State
+from axistwin.diagnose.trials import Trials, significant
 
 from . import diagnosis_examples as examples
-from .diagnosis_records import record, shake
+from .diagnosis_records import AXIS, NOISE, record, shake
 
 TORQUE = shake(12_000)
 
@@ -50,6 +55,31 @@ def test_a_drive_that_falls_off_at_its_peaks_is_none_of_the_catalogue(
     assert (found.resembles.form, found.resembles.location) == ("torque_curve", "motor")
     assert found.resembles.share > 0.9
     assert {one.effect for one in found.findings} <= {one.effect for one in effects}
+
+
+@pytest.mark.parametrize("true", [False, True])
+def test_only_what_a_form_does_not_explain_as_well_is_named_beside_it(true: bool) -> None:
+    """A further mode can take up part of what a drive does that no form fits exactly."""
+    params = {"frequency": 300.0, "damping_ratio": 0.02, "mass_ratio": 0.1}
+    effects = (Effect("extra_mode", "table", params),) if true else ()
+    less = 0.05 * np.abs(TORQUE) / np.max(np.abs(TORQUE))
+    delivered = record(*effects, torque=TORQUE * (1.0 - less))
+    cut = windows.cut(replace(delivered, torque=TORQUE), 0.25)
+    base = State.along(Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, NOISE)))
+    if true:
+        mode = Found(ExtraMode(TABLE), np.array([0.1]), (300.0, 0.02))
+    else:
+        (trial,) = Trials(base).run([ExtraMode(TABLE)], lambda _: None)
+        mode = trial.found
+    last = State.along(replace(base.fit, found=(mode,)))
+    (trial,) = Trials(last).run([TorqueCurve()], lambda _: None)
+    beside, alone = (
+        State.along(replace(base.fit, found=found))
+        for found in ((mode, trial.found), (trial.found,))
+    )
+    assert significant(beside.against(alone, mode), alone)  # it takes up something
+    named = [one.kind.effect for one in nameless.still(beside, last)]
+    assert named == (["extra_mode"] if true else [])
 
 
 def test_what_the_catalogue_has_resembles_nothing_else() -> None:

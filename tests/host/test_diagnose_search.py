@@ -9,7 +9,15 @@ import pytest
 
 from axistwin.core import Effect
 from axistwin.diagnose import diagnose, resonance, search, selection, windows
-from axistwin.diagnose.effects import TABLE, Disturbance, ExtraMode, Found, LoadChange
+from axistwin.diagnose.effects import (
+    MOTOR,
+    TABLE,
+    Disturbance,
+    ExtraMode,
+    Found,
+    LoadChange,
+    Viscous,
+)
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import TwoInertias
 from axistwin.diagnose.state import RIGHT, State
@@ -130,6 +138,24 @@ def test_nothing_is_added_near_the_noise_before_a_replay(monkeypatch: pytest.Mon
     found = selection.extended([state], [], lambda _: None)
     assert beside == [False, True]
     assert [one.replay is not None for one in found.states] == [True]
+
+
+@pytest.mark.parametrize("place", [MOTOR, TABLE])
+def test_the_end_of_a_friction_is_told_again_once_all_else_is_known(place: int) -> None:
+    """By what it twists the shaft: else that would seem to be a delay of one of the encoders."""
+    params = {"frequency": 300.0, "damping_ratio": 0.02, "mass_ratio": 0.1}
+    effects = (
+        Effect("friction_viscous", ("motor", "table")[place], {"coefficient": 1e-4}),
+        Effect("extra_mode", "table", params),
+    )
+    cut = windows.cut(record(*effects, torque=TORQUE), WINDOW)
+    at_wrong_end = Found(Viscous(1 - place), np.array([1e-4]), ())
+    mode = Found(ExtraMode(TABLE), np.array([0.1]), (300.0, 0.02))
+    fit = Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, NOISE))
+    mistaken = State.along(replace(fit, found=(at_wrong_end, mode)))
+    told = selection._at_better_end(mistaken)
+    assert [one.kind for one in told.fit.found] == [Viscous(place), ExtraMode(TABLE)]
+    assert selection._at_better_end(told) is told
 
 
 def test_the_rounding_of_a_coarse_encoder_is_no_error_of_a_screw() -> None:

@@ -20,6 +20,9 @@ from axistwin.errors import InputError
 _GAIN_MIN = 50.0
 _CONTENDERS = 2
 
+#: The share of what an effect explains that is left to it beside such a form, at least.
+_STILL = 0.1
+
 #: The share of all errors that a simulation of what makes them may be wrong by.
 _INEXACT = 1e-6
 
@@ -80,12 +83,25 @@ def _parts(state: State) -> list[State]:
     return possible(lambda part: State.along(replace(state.fit, found=part), state.motion), parts)
 
 
-def still(state: State) -> Sequence[Found]:
-    """The effects of a state that have something to explain beside the form that comes last."""
-    *found, form = state.fit.found
+def still(form: State, last: State) -> Sequence[Found]:
+    """The effects of a state that have something to explain beside the form that comes last in it,
+    and not next to nothing of what they explain in the ``last`` one, without such a form: what they
+    have the form explains as well, but for a little by which that is not the truth either.
+    """
+    *found, nameless = form.fit.found
     for one in tuple(reversed(found)):
         rest = [other for other in found if other is not one]
-        without = State.along(replace(state.fit, found=(*rest, form)), state.motion)
-        if not significant(state.against(without, one), without):
-            state, found = without, rest
+        without = State.along(replace(form.fit, found=(*rest, nameless)), form.motion)
+        left = without.fitted - form.fitted
+        if left < _STILL * _explained(one, last) or not significant(
+            form.against(without, one), without
+        ):
+            form, found = without, rest
     return found
+
+
+def _explained(one: Found, state: State) -> float:
+    """What the effect of the same name explains in a state, in units of the error squared."""
+    along = State.along(state.fit, state.motion)
+    rest = tuple(other for other in state.fit.found if other.kind != one.kind)
+    return State.along(replace(state.fit, found=rest), state.motion).fitted - along.fitted

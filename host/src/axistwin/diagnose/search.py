@@ -206,7 +206,7 @@ def _understood(search: Search, progress: Progress) -> Search:
     named = [one for i, one in enumerate(last.fit.found) if sure(last, i)]
     found = nameless.find(search.states[0], last, progress)
     if found is not None:
-        still = [one.kind for one in nameless.still(found.state)]
+        still = [one.kind for one in nameless.still(found.state, last)]
         named = [one for one in named if one.kind in still]
     if len(named) < len(states) - 1:
         states = way_to(states[0], last.beside(replace(last.fit, found=tuple(named))))

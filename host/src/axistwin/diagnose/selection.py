@@ -300,12 +300,14 @@ def _heard(states: list[State]) -> list[State]:
 
 
 def _at_better_end(state: State) -> State:
-    """The same, or if friction has come last, all of it at the other end if that fits better.
+    """The same, or with all friction at the other end if that fits better: of one that came before
+    another effect was known that may not have been told.
 
     There are as many unknowns, so a likelihood that is clearly larger decides.
     """
     ends = (*FRICTION, FrictionDrift)
-    if state.fit.windows.channels < 2 or not isinstance(state.fit.found[-1].kind, ends):
+    rubbing = [isinstance(one.kind, ends) for one in state.fit.found]
+    if state.fit.windows.channels < 2 or not any(rubbing):
         return state
     moved = tuple(
         replace(one, kind=replace(one.kind, place=1 - one.kind.place))
@@ -314,7 +316,8 @@ def _at_better_end(state: State) -> State:
         for one in state.fit.found
     )
     other = State.along(replace(state.fit, found=moved), state.motion)
-    if other.fitted > _FAR_OFF * State.along(state.fit, state.motion).fitted:
+    worse = _FAR_OFF if rubbing[-1] else 1.0
+    if other.fitted > worse * State.along(state.fit, state.motion).fitted:
         return state
     other = other.simulated()
     if other.plausible and other.fitted < state.fitted - LIKELIER * state.scale:
