@@ -20,7 +20,7 @@ from axistwin.diagnose.effects import (
 )
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import TwoInertias
-from axistwin.diagnose.state import RIGHT, State
+from axistwin.diagnose.state import RIGHT, State, Trial
 from axistwin.diagnose.trials import Trials
 
 from .diagnosis_records import AXIS, NOISE, STEP, record, shake
@@ -178,6 +178,18 @@ def test_a_mode_is_found_where_the_response_does_not_show_where_it_is(
     assert found.effect == "extra_mode"
     assert found.params["frequency"] == pytest.approx(60.0, rel=0.01)
     assert found.params["mass_ratio"] == pytest.approx(0.004, rel=0.2)
+
+
+def test_a_light_mode_is_looked_for_where_what_is_left_has_a_colour() -> None:
+    params = {"frequency": 100.0, "damping_ratio": 0.02, "mass_ratio": 2.5e-4}
+    cut = windows.cut(record(Effect("extra_mode", "table", params), torque=TORQUE), WINDOW)
+    state = State.along(Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, NOISE)))
+    assert state.scale < RIGHT
+    mode = Found(ExtraMode(TABLE), np.array([1e-3]), (50.0, 0.02))
+    no_gain = Trial(mode, state.errors, state.errors, cut.held_out)
+    better = selection._best(state, [no_gain], lambda _: None)
+    assert better is not None
+    assert better.fit.found[0].params["frequency"] == pytest.approx(100.0, rel=0.01)
 
 
 def test_the_noise_is_heard_again_once_the_axis_is_understood() -> None:
