@@ -80,13 +80,12 @@ axt_friction_step axt_friction_slide(axt_real start, axt_real change, axt_real t
     const axt_real at_end = c + q;
     axt_real r = p;
     axt_real s = sign(at_rest);
+    bool held = false;
     if (axt_abs(at_rest) <= most) {
         s = sign(at_end);
-        r = (axt_abs(at_end) > most)
-                ? within(AXT_R(0.5) + AXT_R(0.5) * (s * most - c) / q, p, AXT_R(1))
-                : AXT_R(1);
+        held = !(axt_abs(at_end) > most);
+        r = held ? AXT_R(1) : within(AXT_R(0.5) + AXT_R(0.5) * (s * most - c) / q, p, AXT_R(1));
     }
-    const bool held = axt_abs(at_rest) <= most && !(axt_abs(at_end) > most);
     const axt_real sum = most * (p + s * (AXT_R(1) - r)) + (r - p) * (c - q * (AXT_R(1) - p - r));
     const axt_real P = p * (AXT_R(1) - p);
     const axt_real R = r * (AXT_R(1) - r);
