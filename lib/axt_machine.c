@@ -45,7 +45,8 @@
  * G - Ir (1 - 1 / x) instead of G, and go I2 / (I1 + I2) (x - 1) times the way of h (v + v+) / 2
  * further, the table I1 / (I1 + I2) (x - 1) times backwards. With damping x and the B to take
  * follow from trace and determinant of the exact map z of (q, v): the rule makes 1 - z over 1 + z
- * of a pole. */
+ * of a pole. Where the stiffness that is met on the way of a step (axt_shaft.h) is another one than
+ * K, as in the play, x - 1 is taken in proportion to it: that goes with (wn h)^2. */
 #include "axt_machine.h"
 
 #include "axt_encoder.h"
@@ -178,7 +179,6 @@ axt_status axt_machine_init(axt_machine *machine, const axt_axis *axis, axt_real
         .mode_drag = drag,
         .mode_share = e / (AXT_R(1) + e),
         .mode_inertia = effects->extra_mode.mass_ratio * axis->I2,
-        .stretch = AXT_R(1),
     };
     return AXT_OK;
 }
@@ -201,11 +201,12 @@ axt_status axt_machine_make_exact(axt_machine *machine) {
     const axt_real determinant = map.a[0][0] * map.a[1][1] - map.a[0][1] * map.a[1][0];
     const axt_real both = AXT_R(4) + AXT_R(2) * trace + determinant;
     machine->exact = true;
-    machine->stretch = AXT_R(2) / h * axt_sqrt(determinant / (both * stiffness));
-    machine->stretched[0] = axis->I2 / (axis->I1 + axis->I2) * (machine->stretch - AXT_R(1));
-    machine->stretched[1] = axis->I1 / (axis->I1 + axis->I2) * (machine->stretch - AXT_R(1));
-    machine->eased = reduced * (AXT_R(1) - AXT_R(1) / machine->stretch);
-    machine->axis.B = reduced * AXT_R(-4) * (trace + determinant) / (h * both * machine->stretch);
+    const axt_real x = AXT_R(2) / h * axt_sqrt(determinant / (both * stiffness));
+    machine->stretch = x - AXT_R(1);
+    machine->stretched[0] = axis->I2 / (axis->I1 + axis->I2) * machine->stretch;
+    machine->stretched[1] = axis->I1 / (axis->I1 + axis->I2) * machine->stretch;
+    machine->eased = reduced * (AXT_R(1) - AXT_R(1) / x);
+    machine->axis.B = reduced * AXT_R(-4) * (trace + determinant) / (h * both * x);
     return AXT_OK;
 }
 
@@ -370,7 +371,9 @@ static void find_terms(axt_machine *machine, axt_real torque, step_terms *terms)
     const axt_effects *effects = &machine->effects;
     const axt_real h = machine->time_step;
     const axt_real time = ((axt_real)machine->steps + AXT_R(0.5)) * h;
-    const axt_real middle = AXT_R(0.5) * h * turns_per_rad * machine->speed[0];
+    /* if the speed goes on changing as it does */
+    const axt_real to_middle = axt_fma(AXT_R(0.25), machine->speed_change[0], machine->speed[0]);
+    const axt_real middle = AXT_R(0.5) * h * turns_per_rad * to_middle;
     const axt_real ripple =
         waves(effects->torque_ripple, machine->motion.fraction + middle, machine->motion.turns);
     const axt_real pull =
@@ -410,11 +413,12 @@ typedef struct {
     axt_real change[2];
     axt_real bend[2]; /* k1, k2 */
     bool held[2];
+    axt_real stretched; /* 1 of an exact step with the stiffness of the axis on all of its way */
 } step_speeds;
 
 static void solve(const axt_machine *machine, const step_terms *terms, step_speeds *found) {
     const axt_real h = machine->time_step;
-    const axt_real way = h * machine->stretch;
+    const axt_real per_stiffness = machine->exact ? AXT_R(1) / machine->axis.K : AXT_R(0);
     const axt_real a = terms->inertia[0];
     const axt_real b = terms->inertia[1];
     const axt_real v = terms->twist_speed;
@@ -422,15 +426,21 @@ static void solve(const axt_machine *machine, const step_terms *terms, step_spee
     axt_real stopped[2] = {AXT_R(0), AXT_R(0)}; /* changes of speed by dry friction [rad/s] */
     axt_real bend = AXT_R(0);                   /* of the twist speed: half of k1 - k2 */
     axt_real rate = v;
+    found->stretched = per_stiffness * terms->shaft.stiffness;
     for (uint32_t sweep = 0; sweep < SWEEPS; sweep++) {
+        const axt_real way = h * axt_fma(machine->stretch, found->stretched, AXT_R(1));
         const axt_shaft_torque shaft = axt_shaft_mean(&terms->shaft, twist, rate, way);
+        found->stretched = per_stiffness * shaft.stiffness;
         const axt_real through = h * axt_fma(shaft.slope, v + bend - rate, shaft.torque);
-        const axt_real coupling = axt_fma(AXT_R(0.5) * h, shaft.slope, -machine->eased);
+        const axt_real coupling =
+            axt_fma(AXT_R(0.5) * h, shaft.slope, -machine->eased * found->stretched);
         const axt_real scale = AXT_R(1) / (a * b + (a + b) * coupling);
         const axt_real compliance[2] = {(b + coupling) * scale, (a + coupling) * scale};
         /* what an impulse at the other end does here, for 1 that it does there */
         const axt_real share[2] = {coupling / (a + coupling), coupling / (b + coupling)};
-        const axt_real more[2] = {machine->stretched[0] * rate, -machine->stretched[1] * rate};
+        const axt_real further = found->stretched * rate;
+        const axt_real more[2] = {machine->stretched[0] * further,
+                                  -machine->stretched[1] * further};
         const axt_real impulse[2] = {terms->impulse[0] - through - terms->drag[0] * more[0],
                                      terms->impulse[1] + through - terms->drag[1] * more[1]};
         const axt_real sum = coupling * scale * (impulse[0] + impulse[1]);
@@ -485,11 +495,13 @@ static void move(axt_machine *machine, const step_speeds *speeds, axt_real twist
     const axt_real rate =
         (machine->speed[0] - machine->speed[1]) + (machine->speed_low[0] - machine->speed_low[1]);
     const axt_real twisted = twist_speed + rate + (speeds->bend[0] - speeds->bend[1]);
+    const axt_real further = speeds->stretched * twisted;
     machine->motion.twist =
-        limit(axt_fma(half * machine->stretch, twisted, machine->motion.twist), twist_max);
+        limit(axt_fma(half, axt_fma(machine->stretch, further, twisted), machine->motion.twist),
+              twist_max);
     const axt_real turned = before[0] + machine->speed[0] + speeds->bend[0];
     advance(&machine->motion,
-            half * turns_per_rad * axt_fma(machine->stretched[0], twisted, turned));
+            half * turns_per_rad * axt_fma(machine->stretched[0], further, turned));
 
     if (any(machine->mode_inertia)) {
         const axt_real pull = axt_fma(machine->mode_pull, machine->mode_twist,

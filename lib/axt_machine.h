@@ -60,9 +60,9 @@ typedef struct {
     axt_real mode_drag;
     axt_real mode_share;
     axt_real mode_inertia;
-    /* 1, 0 and 0 for the trapezoidal rule: see axt_machine.c */
-    axt_real stretch;      /* of the way that the twist goes in a step */
-    axt_real stretched[2]; /* more of it that motor and table go */
+    /* all 0 for the trapezoidal rule: see axt_machine.c */
+    axt_real stretch;      /* more way that the twist goes in a step */
+    axt_real stretched[2]; /* of that motor and table go */
     axt_real eased;        /* of the coupling of motor and table [kg m2] */
     /* state where the axis is not ideal */
     axt_motion motion;        /* turns, fraction and twist; its speeds are those below */
@@ -89,12 +89,13 @@ axt_status axt_machine_init(axt_machine *machine, const axt_axis *axis, axt_real
 /* Makes the steps of a machine with AXT_TORQUE_HELD those of the axis itself where the trapezoidal
  * rule makes the vibration of the shaft a little slower: with its own frequency and damping, and
  * without damping exact as long as nothing acts but torque. Dry friction then goes by the torque of
- * the shaft as it changes within a step, which leaves errors of third order, viscous friction by
- * the mean speed; play, hardening, a further mode and what else depends on the motion are still of
+ * the shaft as it changes within a step, the vibration by the stiffness that it meets there: dry
+ * friction, play and hardening leave errors of third order. Viscous friction goes by the mean
+ * speed; a further mode, a load that has changed and what else depends on the motion are still of
  * second order, and energy is no longer kept to the last digit. To be called after
  * axt_machine_init(). AXT_ERROR_RANGE for a torque that is not held, for wn Dt above 2, and for a
  * machine that is exact already: it is then as it was. Cost: about 1500 operations; a step then
- * takes 20 more, and a sweep or two more where friction holds. */
+ * takes 30 more, and a sweep or two more where friction holds. */
 axt_status axt_machine_make_exact(axt_machine *machine);
 
 /* Puts the machine into the state `motion` with `torque` acting, time 0; before that it moved at

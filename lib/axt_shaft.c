@@ -26,13 +26,16 @@ axt_shaft_torque axt_shaft_mean(const axt_shaft *shaft, axt_real twist, axt_real
     const axt_real z0 = beyond(twist, shaft->play);
     const axt_real z1 = beyond(twist + change, shaft->play);
     const axt_real half = AXT_R(0.5) * shaft->hardening;
-    const axt_real k = not_negative(shaft->stiffness + half * (z0 * z0 + z1 * z1));
+    const axt_real squares = z0 * z0 + z1 * z1;
+    const axt_real k = not_negative(shaft->stiffness + half * squares);
     const axt_real mean = AXT_R(0.5) * (z0 + z1);
+    const axt_real rigid = not_negative(shaft->stiffness + shaft->hardening * (squares + z0 * z1));
 
     if (!(shaft->play > AXT_R(0)) || z0 * z1 > AXT_R(0)) { /* in contact all the time */
         const axt_real rise = not_negative(AXT_R(0.5) * k + shaft->hardening * z1 * mean);
         return (axt_shaft_torque){.torque = k * mean + shaft->damping * rate,
-                                  .slope = rise * time_step + shaft->damping};
+                                  .slope = rise * time_step + shaft->damping,
+                                  .stiffness = rigid};
     }
     if (!(axt_abs(z1 - z0) > AXT_R(0))) { /* in the play all the time */
         return (axt_shaft_torque){0};
@@ -45,5 +48,6 @@ axt_shaft_torque axt_shaft_mean(const axt_shaft *shaft, axt_real twist, axt_real
     const bool ends_in_contact = axt_abs(z1) > AXT_R(0);
     return (axt_shaft_torque){.torque = spring + shaft->damping * share * rate,
                               .slope =
-                                  rise * time_step + (ends_in_contact ? shaft->damping : AXT_R(0))};
+                                  rise * time_step + (ends_in_contact ? shaft->damping : AXT_R(0)),
+                              .stiffness = share * rigid};
 }

@@ -17,16 +17,18 @@ typedef struct {
     axt_real play;      /* from the middle to either flank: half the gap [rad] */
 } axt_shaft;
 
-/* The mean torque of a step and how it rises with the mean twist speed. */
+/* The mean torque of a step, how it rises with the mean twist speed, and the mean stiffness on the
+ * way: by which the torque at its end is another than at its beginning. */
 typedef struct {
-    axt_real torque; /* [N m] */
-    axt_real slope;  /* [N m s/rad], not negative */
+    axt_real torque;    /* [N m] */
+    axt_real slope;     /* [N m s/rad], not negative */
+    axt_real stiffness; /* [N m/rad], not negative */
 } axt_shaft_torque;
 
 /* The mean torque over a step of `time_step` [s] that begins at `twist` [rad] and goes on at a mean
  * twist speed of `rate` [rad/s]: the change of the spring's energy divided by the change of the
  * twist. A step with this torque keeps the energy to the last digit, whether or not it meets a
- * flank, and for the plain spring it is the trapezoidal rule. Cost: about 15 operations; 2
+ * flank, and for the plain spring it is the trapezoidal rule. Cost: about 20 operations; 2
  * divisions more with play. */
 axt_shaft_torque axt_shaft_mean(const axt_shaft *shaft, axt_real twist, axt_real rate,
                                 axt_real time_step);

@@ -118,17 +118,19 @@ typedef struct {
     wide time_step;
     wide angle[INERTIAS];
     wide speed[INERTIAS];
-    wide torque; /* at the end of the last step */
+    wide torque;      /* at the end of the last step */
+    wide last_change; /* of the motor's speed, in that */
 } smooth_axis;
 
 /* axt_machine.h's equations with forces of time and of the motor's angle at the middle of step `n`,
- * where that is before the step is known. */
+ * where that is if the speed goes on changing as it did in the step before. */
 static void find_acceleration(const smooth_axis *axis, int n, wide torque,
                               const wide angle[INERTIAS], const wide speed[INERTIAS],
                               wide acceleration[INERTIAS]) {
     const axt_effects *e = axis->effects;
     const wide time = (n + 0.5L) * axis->time_step;
-    const wide ahead = axis->angle[MOTOR] + axis->time_step / 2 * axis->speed[MOTOR];
+    const wide speed_ahead = axis->speed[MOTOR] + axis->last_change / 4;
+    const wide ahead = axis->angle[MOTOR] + axis->time_step / 2 * speed_ahead;
     const wide I2 = (wide)axt_axis_paper.I2;
     const wide further = (wide)e->extra_mode.mass_ratio * I2;
     const wide p = (wide)e->extra_mode.frequency;
@@ -172,6 +174,7 @@ static void smooth_step(smooth_axis *axis, int n, wide torque, axt_torque_course
         }
         find_acceleration(axis, n, mean, angle, speed, acceleration);
     }
+    axis->last_change = axis->time_step * acceleration[MOTOR];
     for (int k = 0; k < INERTIAS; k++) {
         const wide before = axis->speed[k];
         axis->speed[k] += axis->time_step * acceleration[k];
