@@ -12,15 +12,17 @@ from axistwin.diagnose import diagnose, resonance, search, selection, windows
 from axistwin.diagnose.effects import (
     MOTOR,
     TABLE,
+    Backlash,
     Disturbance,
     ExtraMode,
     Found,
+    Hardening,
     LoadChange,
     Viscous,
 )
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import TwoInertias
-from axistwin.diagnose.state import RIGHT, State, Trial
+from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State, Trial
 from axistwin.diagnose.trials import Trials
 
 from .diagnosis_records import AXIS, NOISE, STEP, record, shake
@@ -178,6 +180,36 @@ def test_a_mode_is_found_where_the_response_does_not_show_where_it_is(
     assert found.effect == "extra_mode"
     assert found.params["frequency"] == pytest.approx(60.0, rel=0.01)
     assert found.params["mass_ratio"] == pytest.approx(0.004, rel=0.2)
+
+
+def test_far_from_noise_an_effect_may_be_significant_only_when_it_is_fitted_in_full() -> None:
+    hardening = Effect("stiffness_hardening", "shaft", {"coefficient": 1e5})
+    cut = windows.cut(record(hardening, torque=TORQUE), WINDOW)
+    state = State.along(Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, NOISE)))
+    assert state.scale > NEARLY_RIGHT
+    found = Found(Hardening(), np.array([1e3]), ())
+    no_gain = Trial(found, state.errors, state.errors, cut.held_out)
+    better = selection._best(state, [no_gain], lambda _: None)
+    assert better is not None
+    assert better.fit.found[0].sizes == pytest.approx([1e5], rel=1e-3)
+
+
+def test_windows_in_which_effects_cannot_be_simulated_are_too_long(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As those of an axis are that rattles in its play: what it will do is soon anybody's guess."""
+    gap = Effect("backlash", "shaft", {"gap": 1e-3})
+    cut = windows.cut(record(gap, torque=shake(8_000)), WINDOW / 5.0)
+    found = Found(Backlash(), np.array([]), (1e-3,))
+    fit = Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, NOISE))
+    short = State.of(replace(fit, found=(found,)))
+    assert short.replay is not None
+    searched = selection.Search((State.along(fit), short), ((), ()))
+    monkeypatch.setattr(selection, "addable", lambda _: [])
+    longer = search._lengthened(searched, 2, lambda _: None)
+    assert longer.states[-1].fit.windows.length == 2 * cut.length
+    monkeypatch.setattr(State, "replayed", lambda self, _=None: self)
+    assert search._lengthened(searched, 2, lambda _: None) is searched
 
 
 def test_a_light_mode_is_looked_for_where_what_is_left_has_a_colour() -> None:

@@ -65,4 +65,4 @@ def bases(start: Fit, hopeless: float = np.inf) -> list[State]:
         adjusted = State.along(without.fit, without.motion)
         return [adjusted if adjusted.scale < NEARLY_RIGHT else without]
     adjusted = State(replace(best.fit, found=(), noise=start.noise), best.motion)
-    return [State(start, start.motion(None)), adjusted]
+    return sorted([State(start, start.motion(None)), adjusted], key=lambda state: state.scale)

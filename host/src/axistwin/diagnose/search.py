@@ -102,8 +102,8 @@ def _searched(bases: Sequence[State], progress: Progress) -> Search:
 def _lengthened(search: Search, times: int, progress: Progress) -> Search:
     """The search carried on in windows so many times longer, which show what is slow and small.
 
-    As it was where those cannot be simulated down to noise, be it with a form of no name: what is
-    found in short ones holds.
+    As it was where those cannot be simulated down to noise, be it with a form of no name, or their
+    effects not as they act, which is what short ones took: what is found in those holds.
     """
     progress("going on in longer windows")
 
@@ -112,10 +112,12 @@ def _lengthened(search: Search, times: int, progress: Progress) -> Search:
         length = times * windows.length
         return State(replace(state.fit, windows=windows.recut(length)), state.motion.recut(length))
 
-    last = longer(search.states[-1]).replayed(search.states[-1].replay)
+    known = search.states[-1].replay
+    last = longer(search.states[-1]).replayed(known)
     if last.replay is None:
         last = State.of(last.fit, last.motion)
-    if last.scale > _LOST:
+    bent = known is not None and last.replay is None and last.scale > RIGHT
+    if bent or last.scale > _LOST:
         return search
     base = longer(search.states[0])
     base = min(base, State.of(base.fit, base.motion), key=by_error)

@@ -216,11 +216,17 @@ def addable(fit: Fit) -> list[Kind]:
 
 def _best(state: State, trials: Sequence[Trial], progress: Progress) -> State | None:
     """The trials that gain most, each fitted with all the rest; the best of them that holds."""
-    good = [trial for trial in trials if significant(trial, state)]
-    if not good:  # fitted in full one of them may be
+    # Far from noise an effect may be significant only when it is fitted in full.
+    anyway = _SIMULATED if state.scale > NEARLY_RIGHT else 0
+    good = [trial for i, trial in enumerate(trials) if i < anyway or significant(trial, state)]
+    if not good:
         excess = state.fitted * (1.0 - 1.0 / state.scale)
         good = [trial for trial in trials if trial.gain > MOST * excess > GAIN_MIN]
-    good = [trial for trial in good[:CONTENDERS] if trial.gain >= CONTENDER * good[0].gain]
+    good = [
+        trial
+        for i, trial in enumerate(good[:CONTENDERS])
+        if i < anyway or trial.gain >= CONTENDER * good[0].gain
+    ]
 
     def replayable(kind: Kind) -> bool:
         # What the steps of a replay leave, a further mode and its initial states may explain.
