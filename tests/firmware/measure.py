@@ -115,7 +115,7 @@ def table(figures: dict[str, Figures]) -> str:
 def put_into(page: str, made: str) -> str:
     """The page with the table in its place."""
     before, rest = page.split(BEGIN)
-    return before + BEGIN + made + END + rest.split(END)[1]
+    return before + BEGIN + made + END + rest.split(END, 1)[1]
 
 
 def differences(page: str, figures: dict[str, Figures]) -> list[str]:

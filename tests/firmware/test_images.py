@@ -10,6 +10,7 @@ import pytest
 from board import IMAGES, MACHINES
 
 from .conftest import Start
+from .measure import BEGIN, END, put_into
 from .rig import ENABLE, OPEN, command
 
 
@@ -49,3 +50,9 @@ def test_an_image_streams_and_answers_on_its_board(start: Start, image: str) -> 
     assert counters == list(range(counters[0], counters[0] + 1000))
     assert rig.registers("Signature", 3) == (0x4158, 0x5457, 2)
     assert rig.can.wait_for_page("Overruns") == 0
+
+
+def test_the_rest_of_a_page_stays_when_its_table_is_made_anew() -> None:
+    rest = f"and after it\n<!-- another -->\nwhat is made elsewhere\n{END}the end\n"
+    page = f"before it\n{BEGIN}an old table\n{END}{rest}"
+    assert put_into(page, "a new one\n") == f"before it\n{BEGIN}a new one\n{END}{rest}"
