@@ -4,6 +4,7 @@
  *     (V1 - V0) / D = share k (z0 + z1) / 2,   share = (z1 - z0) / D,
  *                                              k = stiffness + hardening (z0^2 + z1^2) / 2
  *
+ * and the torque rises by share (stiffness + hardening (z0^2 + z0 z1 + z1^2)) for a twist of 1.
  * share is 1 on one flank, 0 in the play, and the part of the way in contact in between. */
 #include "axt_shaft.h"
 
@@ -29,13 +30,14 @@ axt_shaft_torque axt_shaft_mean(const axt_shaft *shaft, axt_real twist, axt_real
     const axt_real squares = z0 * z0 + z1 * z1;
     const axt_real k = not_negative(shaft->stiffness + half * squares);
     const axt_real mean = AXT_R(0.5) * (z0 + z1);
-    const axt_real rigid = not_negative(shaft->stiffness + shaft->hardening * (squares + z0 * z1));
+    const axt_real stiffness =
+        not_negative(shaft->stiffness + shaft->hardening * (squares + z0 * z1));
 
     if (!(shaft->play > AXT_R(0)) || z0 * z1 > AXT_R(0)) { /* in contact all the time */
         const axt_real rise = not_negative(AXT_R(0.5) * k + shaft->hardening * z1 * mean);
         return (axt_shaft_torque){.torque = k * mean + shaft->damping * rate,
                                   .slope = rise * time_step + shaft->damping,
-                                  .stiffness = rigid};
+                                  .stiffness = stiffness};
     }
     if (!(axt_abs(z1 - z0) > AXT_R(0))) { /* in the play all the time */
         return (axt_shaft_torque){0};
@@ -49,5 +51,5 @@ axt_shaft_torque axt_shaft_mean(const axt_shaft *shaft, axt_real twist, axt_real
     return (axt_shaft_torque){.torque = spring + shaft->damping * share * rate,
                               .slope =
                                   rise * time_step + (ends_in_contact ? shaft->damping : AXT_R(0)),
-                              .stiffness = share * rigid};
+                              .stiffness = share * stiffness};
 }

@@ -83,25 +83,24 @@ def _parts(state: State) -> list[State]:
     return possible(lambda part: State.along(replace(state.fit, found=part), state.motion), parts)
 
 
-def still(form: State, last: State) -> Sequence[Found]:
-    """The effects of a state that have something to explain beside the form that comes last in it,
-    and not next to nothing of what they explain in the ``last`` one, without such a form: what they
-    have the form explains as well, but for a little by which that is not the truth either.
+def still(state: State, last: State) -> Sequence[Found]:
+    """The effects of a state that have something to explain beside the form that comes last in it.
+
+    That is more than chance, and more than a small share of what they explain in the ``last`` state
+    without a form: the form explains as well what has less, but for what it is not exact in.
     """
-    *found, nameless = form.fit.found
+    *found, form = state.fit.found
     for one in tuple(reversed(found)):
         rest = [other for other in found if other is not one]
-        without = State.along(replace(form.fit, found=(*rest, nameless)), form.motion)
-        left = without.fitted - form.fitted
-        if left < _STILL * _explained(one, last) or not significant(
-            form.against(without, one), without
-        ):
-            form, found = without, rest
+        without = State.along(replace(state.fit, found=(*rest, form)), state.motion)
+        little = without.fitted - state.fitted < _STILL * _explained(one, last)
+        if little or not significant(state.against(without, one), without):
+            state, found = without, rest
     return found
 
 
 def _explained(one: Found, state: State) -> float:
-    """What the effect of the same name explains in a state, in units of the error squared."""
+    """What the effects of that name explain in a state, in units of the error squared."""
     along = State.along(state.fit, state.motion)
     rest = tuple(other for other in state.fit.found if other.kind != one.kind)
     return State.along(replace(state.fit, found=rest), state.motion).fitted - along.fitted
