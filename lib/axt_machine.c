@@ -206,6 +206,7 @@ axt_status axt_machine_make_exact(axt_machine *machine) {
     machine->stretched[0] = axis->I2 / (axis->I1 + axis->I2) * machine->stretch;
     machine->stretched[1] = axis->I1 / (axis->I1 + axis->I2) * machine->stretch;
     machine->eased = reduced * (AXT_R(1) - AXT_R(1) / x);
+    machine->compliance = AXT_R(1) / axis->K;
     machine->axis.B = reduced * AXT_R(-4) * (trace + determinant) / (h * both * x);
     return AXT_OK;
 }
@@ -418,7 +419,6 @@ typedef struct {
 
 static void solve(const axt_machine *machine, const step_terms *terms, step_speeds *found) {
     const axt_real h = machine->time_step;
-    const axt_real per_stiffness = machine->exact ? AXT_R(1) / machine->axis.K : AXT_R(0);
     const axt_real a = terms->inertia[0];
     const axt_real b = terms->inertia[1];
     const axt_real v = terms->twist_speed;
@@ -426,11 +426,11 @@ static void solve(const axt_machine *machine, const step_terms *terms, step_spee
     axt_real stopped[2] = {AXT_R(0), AXT_R(0)}; /* changes of speed by dry friction [rad/s] */
     axt_real bend = AXT_R(0);                   /* of the twist speed: half of k1 - k2 */
     axt_real rate = v;
-    found->stretched = per_stiffness * terms->shaft.stiffness;
+    found->stretched = machine->compliance * terms->shaft.stiffness;
     for (uint32_t sweep = 0; sweep < SWEEPS; sweep++) {
         const axt_real way = h * axt_fma(machine->stretch, found->stretched, AXT_R(1));
         const axt_shaft_torque shaft = axt_shaft_mean(&terms->shaft, twist, rate, way);
-        found->stretched = per_stiffness * shaft.stiffness;
+        found->stretched = machine->compliance * shaft.stiffness;
         const axt_real through = h * axt_fma(shaft.slope, v + bend - rate, shaft.torque);
         const axt_real coupling =
             axt_fma(AXT_R(0.5) * h, shaft.slope, -machine->eased * found->stretched);

@@ -64,6 +64,7 @@ typedef struct {
     axt_real stretch;      /* more way that the twist goes in a step */
     axt_real stretched[2]; /* of that motor and table go */
     axt_real eased;        /* of the coupling of motor and table [kg m2] */
+    axt_real compliance;   /* of the shaft [rad/(N m)] */
     /* state where the axis is not ideal */
     axt_motion motion;        /* turns, fraction and twist; its speeds are those below */
     axt_real speed[2];        /* of motor and table [rad/s] */
