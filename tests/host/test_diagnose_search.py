@@ -18,6 +18,7 @@ from axistwin.diagnose.effects import (
     Found,
     Hardening,
     LoadChange,
+    Offset,
     Viscous,
 )
 from axistwin.diagnose.fit import Fit
@@ -192,6 +193,28 @@ def test_far_from_noise_an_effect_may_be_significant_only_when_it_is_fitted_in_f
     better = selection._best(state, [no_gain], lambda _: None)
     assert better is not None
     assert better.fit.found[0].sizes == pytest.approx([1e5], rel=1e-3)
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_only_what_held_out_windows_do_as_well_without_is_dropped(
+    monkeypatch: pytest.MonkeyPatch, there: bool
+) -> None:
+    """Though what it does in them be little against what it does in one that is fitted."""
+    effects = [Effect("torque_offset", "motor", {"torque": 1e-3})]
+    if there:
+        effects.append(Effect("stiffness_hardening", "shaft", {"coefficient": 1e4}))
+    cut = windows.cut(record(*effects, torque=TORQUE), WINDOW)
+    fit = Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, NOISE))
+    kinds = (Found(Hardening(), np.array([1e4]), ()), Found(Offset(MOTOR), np.array([1e-3]), ()))
+    chain = [State.along(replace(fit, found=kinds[:k])) for k in range(3)]
+    monkeypatch.setattr(selection, "_best", lambda *_: None)
+    monkeypatch.setattr(selection, "significant", lambda *_: False)
+    revised = selection._revised(selection.Search(tuple(chain), ((), (), ())), lambda _: None)
+    if there:
+        assert revised is None
+    else:
+        assert revised is not None
+        assert [one.kind for one in revised.states[-1].fit.found] == [Offset(MOTOR)]
 
 
 def test_windows_in_which_effects_cannot_be_simulated_are_too_long(

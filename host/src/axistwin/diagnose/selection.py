@@ -140,7 +140,8 @@ def _revised(search: Search, progress: Progress) -> Search | None:
             trials = Trials(without).run(addable(without.fit), progress)
         better = _best(without, trials, progress)
         if better is None:
-            if not without.plausible or significant(last.against(without, found[i]), without):
+            worse = significant(last.against(without, found[i]), without)
+            if not without.plausible or worse or not preferred(without, last):
                 continue  # from there no way led back, but here it is
             return extended(chain_to(search, rest), list(search.trials[: len(rest)]), progress)
         if last.scale < RIGHT and better.fit.found[-1].kind == found[i].kind:
