@@ -50,21 +50,39 @@ def look(bases: Sequence[State], windows: Windows, progress: Progress, parts: in
 
     Where what they leave is far more than the noise of the encoder, they are looked for once more,
     every error weighted as such errors are: then they are told by what they do to the torque.
-    ``parts`` windows in a row are parts of a longer one, where the search goes on in the end.
+    ``parts`` windows in a row are parts of a longer one, where the search goes on in the end; not
+    where a form of no name does what all the catalogue cannot: nothing slow and small matters then.
     """
     found = _searched(bases, progress)
-    last = found.states[-1]
-    if last.scale < NEARLY_RIGHT:
-        while parts > 1:
-            times = next(n for n in range(min(_LONGER, parts), parts + 1) if parts % n == 0)
-            longer = _lengthened(found, times, progress)
-            if longer is found:
-                break
-            found, parts = longer, parts // times
+    if _none_of_these(found, progress):
+        found = _in_all(found, windows, progress)
     else:
-        found = _weighted(found, bases, progress)
-    found = _with_lone_window(_confirmed(found, windows, progress), progress)
+        if found.states[-1].scale < NEARLY_RIGHT:
+            found = _in_longer(found, parts, progress)
+        else:
+            found = _weighted(found, bases, progress)
+        found = _with_lone_window(_confirmed(found, windows, progress), progress)
     return _understood(_ordered(found, progress), progress)
+
+
+def _in_longer(found: Search, parts: int, progress: Progress) -> Search:
+    """The search carried on in longer and longer windows, up to so many times as long."""
+    while parts > 1:
+        times = next(n for n in range(min(_LONGER, parts), parts + 1) if parts % n == 0)
+        longer = _lengthened(found, times, progress)
+        if longer is found:
+            break
+        found, parts = longer, parts // times
+    return found
+
+
+def _none_of_these(search: Search, progress: Progress) -> bool:
+    """Does a form of no name leave next to nothing where the catalogue leaves more than noise?"""
+    last = search.states[-1]
+    if last.scale < UNEXPLAINED:
+        return False
+    found = nameless.find(search.states[0], last, progress)
+    return found is not None and found.state.scale - 1.0 < _ALL_LEFT * (last.scale - 1.0)
 
 
 def _weighted(found: Search, bases: Sequence[State], progress: Progress) -> Search:
@@ -130,6 +148,15 @@ def _lengthened(search: Search, times: int, progress: Progress) -> Search:
 
 def _confirmed(search: Search, windows: Windows, progress: Progress) -> Search:
     """The search carried on in all windows, where a part of them has told what there is so far."""
+    whole = _in_all(search, windows, progress)
+    if whole is search:
+        return search
+    found = extended(list(whole.states), list(whole.trials[:-1]), progress)
+    return found if len(found.states) == len(whole.states) else settled(found, progress)
+
+
+def _in_all(search: Search, windows: Windows, progress: Progress) -> Search:
+    """What has been found in a part of the windows, as far as all of them speak for it."""
     first, last = search.states[0], search.states[-1]
     windows = windows.recut(last.fit.windows.length)
     if windows.count == last.fit.windows.count:
@@ -144,8 +171,7 @@ def _confirmed(search: Search, windows: Windows, progress: Progress) -> Search:
         if significant(after.against(before, after.fit.found[-1]), before):
             break
         del states[-1]
-    found = extended(states, list(search.trials[: len(states) - 1]), progress)
-    return found if len(found.states) == len(states) else settled(found, progress)
+    return Search(tuple(states), search.trials[: len(states)])
 
 
 def _at_moments(fit: Fit, progress: Progress) -> State:
