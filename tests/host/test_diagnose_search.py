@@ -247,6 +247,17 @@ def test_a_light_mode_is_looked_for_where_what_is_left_has_a_colour() -> None:
     assert better.fit.found[0].params["frequency"] == pytest.approx(100.0, rel=0.01)
 
 
+def test_where_no_more_than_noise_is_left_no_mode_is_found_be_it_of_what_colour() -> None:
+    params = {"frequency": 100.0, "damping_ratio": 0.02, "mass_ratio": 2.5e-4}
+    cut = windows.cut(record(Effect("extra_mode", "table", params), torque=TORQUE), WINDOW)
+    state = State.along(Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, 1.05 * NOISE)))
+    assert state.scale == 1.0
+    assert state.coloured
+    mode = Found(ExtraMode(TABLE), np.array([1e-3]), (50.0, 0.02))
+    no_gain = Trial(mode, state.errors, state.errors, cut.held_out)
+    assert selection._best(state, [no_gain], lambda _: None) is None
+
+
 def test_the_noise_is_heard_again_once_the_axis_is_understood() -> None:
     """In the errors of an axis that is far off there may be more than noise at all frequencies."""
     friction = Effect("friction_coulomb", "table", {"torque": 0.01})

@@ -340,9 +340,8 @@ def _resonating(state: State, besides: State) -> list[State]:
     """
 
     def explains(candidate: State) -> bool:
-        part = (besides.scale - candidate.scale) / (besides.scale - 1.0)
         return (
-            part > _GOOD_PART
+            besides.scale - candidate.scale > _GOOD_PART * (besides.scale - 1.0)
             and candidate.plausible
             and significant(candidate.against(state, candidate.fit.found[-1]), state)
         )
