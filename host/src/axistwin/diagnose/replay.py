@@ -19,10 +19,12 @@ from axistwin import core
 from axistwin.core import Array, Axis, Effect
 from axistwin.diagnose.effects import (
     DRY,
+    Backlash,
     Eccentricity,
     EncoderDelay,
     ExtraMode,
     Found,
+    Hardening,
     LeadError,
     Motion,
     Saturation,
@@ -35,6 +37,10 @@ from axistwin.model import Model
 
 #: What acts outside of the axis: on the command and in the encoders. Known as the motion is.
 _OUTSIDE = (TorqueDelay, EncoderDelay, Saturation, LeadError, Eccentricity)
+
+#: What has the stiffness go with the twist; and the error of a simulation that leaves but noise.
+_BENDING = (Backlash, Hardening)
+_RIGHT = 1.015
 
 #: A step of the simulation turns the vibration by so much at most; by less, down to another limit,
 #: where the error of all steps together were more than this [noise squared], which an effect could
@@ -131,15 +137,23 @@ def find_replay(fit: Fit, motion: Motion, near: Replay | None = None) -> Replay 
     """The fit adjusted once more, from where it is; its windows begin as those of one that is
     ``near``, or as the first of several there that are parts of one here, if they can.
 
+    Where the stiffness goes with the twist a vibration may be periods off at the end of a window,
+    which no small step mends: what is left with such an effect is looked at from afar, too.
+
     None where the axis with its effects is linear, or would have to be one that no axis is.
     """
     if all(_linear(one) for one in fit.found) or fit.noise is None:
         return None
-    try:
+    found: Replay | None = None
+    with contextlib.suppress(InputError):  # parameters that no axis has
         replaying = _Replaying(fit, motion)
-        return (replaying.adjusted_from(near) if near else None) or replaying.adjusted()
-    except InputError:  # parameters that no axis has
-        return None
+        found = (replaying.adjusted_from(near) if near else None) or replaying.adjusted()
+        bends = isinstance(fit.found[-1].kind, _BENDING)
+        if found is None or (bends and found.fit.scale(found.residual) > _RIGHT):
+            afar = _Replaying(fit, motion).adjusted_from_afar()
+            if found is None or fit.misfit(afar.residual) < fit.misfit(found.residual):
+                return afar
+    return found
 
 
 @dataclass(frozen=True)
@@ -175,12 +189,14 @@ class _Replaying:
         self._turned = max(fast, mode) * fit.windows.time_step
         self.substeps = self._fine_enough()
 
-    def adjusted(self) -> Replay:
-        """Raises InputError where there is no way to begin."""
+    def adjusted(self) -> Replay | None:
+        """From where the windows seem to begin; None if that is far off."""
         point = self._beginning(self._fit)
-        if not self._near(point):
-            point = self._from_afar()
-        return self._replay(self._rounds(point))
+        return self._replay(self._rounds(point)) if self._near(point) else None
+
+    def adjusted_from_afar(self) -> Replay:
+        """Raises InputError where there is no way to begin."""
+        return self._replay(self._rounds(self._from_afar()))
 
     def adjusted_from(self, near: Replay) -> Replay | None:
         """The same where windows begin as those of another one, or as the first of several that are
