@@ -14,7 +14,7 @@ from axistwin import core
 from axistwin.core import Array, Axis, Effect, Motion
 from axistwin.diagnose import windows
 from axistwin.diagnose.answer import stiff
-from axistwin.diagnose.effects import Backlash, Coulomb, EncoderDelay, ExtraMode, Found
+from axistwin.diagnose.effects import Backlash, Coulomb, EncoderDelay, ExtraMode, Found, Hardening
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Plant, Rigid, ThreeInertias, Torque, TwoInertias
 from axistwin.diagnose.replay import Replay, find_replay
@@ -262,6 +262,27 @@ def test_a_gap_is_found_as_wide_as_it_is() -> None:
     )
     assert mean_square(played) == pytest.approx(1.0, abs=0.03)
     assert np.max(np.abs(deviations(played, np.array([*TwoInertias(AXIS).values, gap])))) < 4.0
+
+
+def test_a_stiffness_that_goes_with_the_twist_is_found_in_much_noise() -> None:
+    """The linear axis that comes nearest vibrates so much faster: whole windows lead nowhere."""
+    coefficient, noise, axis = 2e5, 3e-3, replace(AXIS, B=2e-3)
+    random = np.random.default_rng(3)
+    command = 0.15 * random.standard_normal(12_000)
+    effects = (Effect("stiffness_hardening", "shaft", {"coefficient": coefficient}),)
+    theta = Model(axis, effects).simulate(command, STEP, substeps=30)
+    first, second = (angle + noise * random.standard_normal(len(angle)) for angle in theta)
+    time: Array = STEP * np.arange(len(command), dtype=np.float64)
+    cut = windows.cut(Record(time, command, first, STEP, second), 0.5)
+    fit, motion = Fit(cut, "zoh", TwoInertias(axis), noise=np.full(2, noise)).adjust()
+    assert fit.scale(fit.residual(motion)) < 2.0
+    assert fit.plant.values[3] > 1.2 * axis.K
+    found = Found(Hardening(), np.array([0.01 * coefficient]), ())
+    played = find_replay(replace(fit, found=(found,)), motion)
+    assert played is not None
+    assert played.fit.found[0].sizes == pytest.approx([coefficient], rel=0.05)
+    assert played.fit.plant.values[3] == pytest.approx(axis.K, rel=0.05)
+    assert mean_square(played) < 1.1
 
 
 def test_friction_that_holds_an_axis_is_found_and_a_delay_beside_it() -> None:
