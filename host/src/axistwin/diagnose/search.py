@@ -54,26 +54,20 @@ def look(bases: Sequence[State], windows: Windows, progress: Progress, parts: in
     where a form of no name does what all the catalogue cannot: nothing slow and small matters then.
     """
     found = _searched(bases, progress)
-    if _none_of_these(found, progress):
-        found = _in_all(found, windows, progress)
-    else:
-        if found.states[-1].scale < NEARLY_RIGHT:
-            found = _in_longer(found, parts, progress)
-        else:
-            found = _weighted(found, bases, progress)
-        found = _with_lone_window(_confirmed(found, windows, progress), progress)
-    return _understood(_ordered(found, progress), progress)
-
-
-def _in_longer(found: Search, parts: int, progress: Progress) -> Search:
-    """The search carried on in longer and longer windows, up to so many times as long."""
-    while parts > 1:
+    none = _none_of_these(found, progress)
+    if not none and found.states[-1].scale >= NEARLY_RIGHT:
+        found, parts = _weighted(found, bases, progress), 1
+    while parts > 1 and not none:
         times = next(n for n in range(min(_LONGER, parts), parts + 1) if parts % n == 0)
         longer = _lengthened(found, times, progress)
         if longer is found:
             break
-        found, parts = longer, parts // times
-    return found
+        found, parts, none = longer, parts // times, _none_of_these(longer, progress)
+    if none:
+        found = _in_all(found, windows, progress)
+    else:
+        found = _with_lone_window(_confirmed(found, windows, progress), progress)
+    return _understood(_ordered(found, progress), progress)
 
 
 def _none_of_these(search: Search, progress: Progress) -> bool:
