@@ -258,6 +258,21 @@ def test_where_no_more_than_noise_is_left_no_mode_is_found_be_it_of_what_colour(
     assert selection._best(state, [no_gain], lambda _: None) is None
 
 
+def test_the_rounding_of_an_encoder_is_noise_be_it_of_what_colour() -> None:
+    """A slow axis takes many samples from step to step, which leaves errors of low frequency; what
+    else there was could not be named for them."""
+    counts = 400.0
+    step = 2.0 * np.pi / counts
+    hard = record(Effect("stiffness_hardening", "shaft", {"coefficient": 1e5}), torque=TORQUE)
+    assert hard.theta2 is not None
+    coarse = replace(hard, theta2=step * np.round(hard.theta2 / step))
+    cut = windows.cut(coarse, WINDOW)
+    assert cut.steps[1] == pytest.approx(step)
+    fit = Fit(cut, "zoh", TwoInertias(AXIS)).hearing(cut.angles - windows.cut(hard, WINDOW).angles)
+    assert fit.noise is not None
+    assert fit.noise[1] == pytest.approx(step / np.sqrt(12.0), rel=1e-3)
+
+
 def test_the_noise_is_heard_again_once_the_axis_is_understood() -> None:
     """In the errors of an axis that is far off there may be more than noise at all frequencies."""
     friction = Effect("friction_coulomb", "table", {"torque": 0.01})

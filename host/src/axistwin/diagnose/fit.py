@@ -587,10 +587,12 @@ class Fit:
         return self.hearing(self.simulation_error(motion))
 
     def hearing(self, errors: Array) -> Fit:
-        """The same, each channel weighted by the noise in errors (c, w, l) of a simulation."""
-        floor = noise_floor(errors)
-        rounding = 1e-15 * float(np.max(np.abs(self.windows.angles)))
-        return replace(self, noise=np.maximum(floor, max(rounding, 1e-300)))
+        """The same, each channel weighted by the noise in errors (c, w, l) of a simulation, or by
+        the rounding of its encoder if that is more: it is not white."""
+        digits = 1e-15 * float(np.max(np.abs(self.windows.angles)))
+        rounding = np.array([step or 0.0 for step in self.windows.steps]) / np.sqrt(12.0)
+        floor = np.maximum(noise_floor(errors), rounding)
+        return replace(self, noise=np.maximum(floor, max(digits, 1e-300)))
 
 
 def _add(sums: Array, *parts: Array | None) -> None:
