@@ -13,7 +13,6 @@ import scipy.signal
 import scipy.stats
 
 from axistwin.core import Array, Axis, Effect
-from axistwin.diagnose.channels import resolution
 from axistwin.diagnose.effects import Found, LoadChange, Push
 from axistwin.diagnose.intake import Intake
 from axistwin.diagnose.linear import TwoInertias
@@ -157,16 +156,15 @@ class _Answer:
             fraction = {"fraction": lost / n}
             interval = {"fraction": (float(ends.low), float(ends.high))}
             found.append(Finding(SAMPLE_LOSS, "record", fraction, interval, 0.0))
-        for channel, angle in enumerate((record.theta1, record.theta2)):
-            if angle is not None and record.counts_per_turn[channel] is None:
-                found += self._coarse(channel, angle)
+        for channel, step in enumerate(self._final.fit.windows.steps):
+            if step is not None and record.counts_per_turn[channel] is None:
+                found += self._coarse(channel, step)
         return found
 
-    def _coarse(self, channel: int, angle: Array) -> list[Finding]:
+    def _coarse(self, channel: int, step: float) -> list[Finding]:
         """An encoder whose rounding is most of the noise of its channel."""
-        step = resolution(angle)
         floor = self._final.fit.noise
-        if step is None or floor is None:
+        if floor is None:
             return []
         rounding = step / np.sqrt(12.0)
         other = np.sqrt(max(float(floor[channel]) ** 2 - rounding**2, 0.0))
@@ -218,20 +216,18 @@ class _Answer:
         not white; or what only a form of no name could be."""
         if self._search.form is not None:
             return True
-        windows, record = self._last.fit.windows, self._record
+        windows = self._last.fit.windows
         error = self._last.simulation_error[:, windows.held_out]
         left_of_all = self._final.simulation_error
         floor = self._last.fit.noise
-        for channel, angle in enumerate((record.theta1, record.theta2)[: windows.channels]):
-            step = resolution(angle) if angle is not None else None
+        for channel, step in enumerate(windows.steps):
             noise = 0.0 if floor is None else float(floor[channel])
-            rounding = (step or 0.0) / np.sqrt(12.0)
-            least = max(noise, rounding)
             free = len(self._last.fit.system.free(windows.time_step, 2)) / windows.channels
             left = np.sum(error[channel] ** 2) / (error[channel].size - free * len(error[channel]))
             more = UNEXPLAINED + _SURE * floor_spread(left_of_all[channel])
-            if float(left) > more * least**2:
+            if float(left) > more * noise**2:
                 return True
+            rounding = (step or 0.0) / np.sqrt(12.0)
             if rounding < _FINE * noise and coloured(left_of_all[channel], noise):
                 return True
         return False
