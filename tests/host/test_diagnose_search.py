@@ -21,9 +21,9 @@ from axistwin.diagnose.effects import (
     Offset,
     Viscous,
 )
-from axistwin.diagnose.fit import Fit
+from axistwin.diagnose.fit import NEARLY_RIGHT, RIGHT, Fit
 from axistwin.diagnose.linear import TwoInertias
-from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State, Trial
+from axistwin.diagnose.state import State, Trial
 from axistwin.diagnose.trials import Trials
 
 from .diagnosis_records import AXIS, NOISE, STEP, record, shake

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from axistwin.diagnose.effects import Coulomb, Found, Offset, Push, Viscous
-from axistwin.diagnose.fit import Fit, solve
+from axistwin.diagnose.fit import NEARLY_RIGHT, RIGHT, Fit, solve
 from axistwin.diagnose.linear import Plant, Rigid
 from axistwin.diagnose.parallel import each
-from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State
+from axistwin.diagnose.state import State
 from axistwin.diagnose.windows import Windows
 from axistwin.errors import NotEnoughDataError
 from axistwin.identify.samples import Hold

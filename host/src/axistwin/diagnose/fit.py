@@ -23,6 +23,11 @@ from axistwin.diagnose.windows import Windows, noise_floor
 from axistwin.errors import InputError
 from axistwin.identify.samples import Hold
 
+#: Mean square of an error, in units of the noise, that leaves the plant where it should be; and
+#: from which nothing better need be tried, as the noise itself is known no better.
+NEARLY_RIGHT = 2.0
+RIGHT = 1.015
+
 #: Relative step of the differences that make sensitivities.
 _STEP = 1e-5
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from axistwin.diagnose.effects import Found
+from axistwin.diagnose.fit import NEARLY_RIGHT
 from axistwin.diagnose.forms import forms
 from axistwin.diagnose.parallel import each
-from axistwin.diagnose.state import NEARLY_RIGHT, State, Trial, possible
+from axistwin.diagnose.state import State, Trial, possible
 from axistwin.diagnose.trials import Progress, Trials, significant
 from axistwin.errors import InputError
 

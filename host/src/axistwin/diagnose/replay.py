@@ -30,7 +30,7 @@ from axistwin.diagnose.effects import (
     Saturation,
     TorqueDelay,
 )
-from axistwin.diagnose.fit import Fit, solve_normal
+from axistwin.diagnose.fit import RIGHT, Fit, solve_normal
 from axistwin.diagnose.linear import ThreeInertias, TwoInertias
 from axistwin.errors import InputError
 from axistwin.model import Model
@@ -38,9 +38,8 @@ from axistwin.model import Model
 #: What acts outside of the axis: on the command and in the encoders. Known as the motion is.
 _OUTSIDE = (TorqueDelay, EncoderDelay, Saturation, LeadError, Eccentricity)
 
-#: What has the stiffness go with the twist; and the error of a simulation that leaves but noise.
+#: What has the stiffness go with the twist.
 _BENDING = (Backlash, Hardening)
-_RIGHT = 1.015
 
 #: A step of the simulation turns the vibration by so much at most; by less, down to another limit,
 #: where the error of all steps together were more than this [noise squared], which an effect could
@@ -149,7 +148,7 @@ def find_replay(fit: Fit, motion: Motion, near: Replay | None = None) -> Replay 
         replaying = _Replaying(fit, motion)
         found = (replaying.adjusted_from(near) if near else None) or replaying.adjusted()
         bends = isinstance(fit.found[-1].kind, _BENDING)
-        if found is None or (bends and found.fit.scale(found.residual) > _RIGHT):
+        if found is None or (bends and found.fit.scale(found.residual) > RIGHT):
             afar = _Replaying(fit, motion).adjusted_from_afar()
             if found is None or fit.misfit(afar.residual) < fit.misfit(found.residual):
                 return afar

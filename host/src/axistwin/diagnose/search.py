@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from axistwin.diagnose import nameless
-from axistwin.diagnose.fit import Fit
+from axistwin.diagnose.fit import NEARLY_RIGHT, RIGHT, Fit
 from axistwin.diagnose.selection import (
     Search,
     addable,
@@ -21,7 +21,7 @@ from axistwin.diagnose.selection import (
     sure,
     way_to,
 )
-from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State
+from axistwin.diagnose.state import State
 from axistwin.diagnose.trials import MOST, Progress, Trials, significant
 from axistwin.diagnose.windows import Windows
 

@@ -25,10 +25,10 @@ from axistwin.diagnose.effects import (
     Stribeck,
     catalogue,
 )
-from axistwin.diagnose.fit import Fit, solve
+from axistwin.diagnose.fit import NEARLY_RIGHT, RIGHT, Fit, solve
 from axistwin.diagnose.linear import TwoInertias
 from axistwin.diagnose.parallel import each
-from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State, Trial, possible
+from axistwin.diagnose.state import State, Trial, possible
 from axistwin.diagnose.trials import GAIN_MIN, MOST, T_MIN, Progress, Trials, significant
 from axistwin.errors import InputError
 

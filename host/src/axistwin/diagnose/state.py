@@ -20,11 +20,8 @@ from axistwin.diagnose.replay import Replay, find_replay
 from axistwin.diagnose.windows import coloured, median_spectrum
 from axistwin.errors import InputError
 
-#: Mean square of an error, in units of the noise, that leaves the plant where it should be; from
-#: which no other plant need be tried, as the noise itself is known no better; and which a
-#: simulation of the effects could not bring nearer.
-NEARLY_RIGHT = 2.0
-RIGHT = 1.015
+#: Mean square of an error, in units of the noise, which a simulation of the effects could not bring
+#: nearer.
 _ALL = 1.003
 
 #: Corner frequencies that are tried, up to a share of the highest frequency, and the lines of a

@@ -10,11 +10,11 @@ import numpy as np
 from axistwin.core import Array
 from axistwin.diagnose import spectrum
 from axistwin.diagnose.effects import Disturbance, Found, Kind, LeadError, Ripple, Shape, Wave
-from axistwin.diagnose.fit import solve_normal
+from axistwin.diagnose.fit import NEARLY_RIGHT, RIGHT, solve_normal
 from axistwin.diagnose.forms import Form
 from axistwin.diagnose.linear import Torque
 from axistwin.diagnose.parallel import each
-from axistwin.diagnose.state import NEARLY_RIGHT, RIGHT, State, Trial
+from axistwin.diagnose.state import State, Trial
 from axistwin.errors import InputError
 
 #: What an effect has to win on the windows it is fitted to, in units of the noise squared or of
