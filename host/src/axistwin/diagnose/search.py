@@ -53,30 +53,38 @@ def look(bases: Sequence[State], windows: Windows, progress: Progress, parts: in
     ``parts`` windows in a row are parts of a longer one, where the search goes on in the end; not
     where a form of no name does what all the catalogue cannot: nothing slow and small matters then.
     """
-    found = _searched(bases, progress)
-    none = _none_of_these(found, progress)
-    if not none and found.states[-1].scale >= NEARLY_RIGHT:
-        found, parts = _weighted(found, bases, progress), 1
-    while parts > 1 and not none:
-        times = next(n for n in range(min(_LONGER, parts), parts + 1) if parts % n == 0)
-        longer = _lengthened(found, times, progress)
-        if longer is found:
-            break
-        found, parts, none = longer, parts // times, _none_of_these(longer, progress)
-    if none:
-        found = _in_all(found, windows, progress)
-    else:
+    found = _formed(_searched(bases, progress), progress)
+    if found.form is None:
+        near = found.states[-1].scale < NEARLY_RIGHT
+        found = _in_longer(found, parts, progress) if near else _weighted(found, bases, progress)
+    if found.form is None:
         found = _with_lone_window(_confirmed(found, windows, progress), progress)
+    else:
+        found = _in_all(found, windows, progress)
     return _understood(_ordered(found, progress), progress)
 
 
-def _none_of_these(search: Search, progress: Progress) -> bool:
-    """Does a form of no name leave next to nothing where the catalogue leaves more than noise?"""
+def _formed(search: Search, progress: Progress) -> Search:
+    """With the form of no name that leaves next to nothing where the catalogue leaves more than
+    noise, if there is one."""
     last = search.states[-1]
     if last.scale < UNEXPLAINED:
-        return False
+        return search
     found = nameless.find(search.states[0], last, progress)
-    return found is not None and found.state.scale - 1.0 < _ALL_LEFT * (last.scale - 1.0)
+    if found is None or found.state.scale - 1.0 >= _ALL_LEFT * (last.scale - 1.0):
+        return search
+    return replace(search, form=found.trial)
+
+
+def _in_longer(search: Search, parts: int, progress: Progress) -> Search:
+    """The search carried on in longer and longer windows, up to so many times as long."""
+    while parts > 1 and search.form is None:
+        times = next(n for n in range(min(_LONGER, parts), parts + 1) if parts % n == 0)
+        longer = _lengthened(search, times, progress)
+        if longer is search:
+            break
+        search, parts = _formed(longer, progress), parts // times
+    return search
 
 
 def _weighted(found: Search, bases: Sequence[State], progress: Progress) -> Search:
