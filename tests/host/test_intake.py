@@ -456,6 +456,8 @@ UNEVEN = (
     r"the time base is uneven \(steps of 0.01 to 0.012 s\): resampled every 0.01 s, 5135 of 6291"
 )
 TWICE = "theta1 has {} spikes of the sampling"
+TORQUE = "the torque has {} spikes of a sample"
+NUMBERED = "theta1 has spikes of the sampling, .*: {} samples are repeats and {} are lost"
 EMPS = "--map theta1=qm torque=vir --scale torque=gtau --linear --counts 20000000"
 KINOVA = (
     "--map t=Time theta1=Position{0} torque=TorqueCur{0} omega1=Velocity{0} --scale t=1e-3"
@@ -476,14 +478,18 @@ UR5 = "--map t=t_s theta1=pos_rad torque=current_A omega1=vel_radps"
         (
             "Kinova_Gen3_joints/joint_1_trapez.csv",
             KINOVA(1),
-            ["the torque has 20 spikes of a sample", TWICE.format(92)],
+            [NUMBERED.format(94, 112), "109 of 6513 samples are missing", TORQUE.format(21)],
         ),
         (
             "Kinova_Gen3_joints/joint_4_trapez.csv",
             KINOVA(4),
-            ["the torque has 15 spikes of a sample", TWICE.format(50)],
+            [NUMBERED.format(48, 30), "15 of 6109 samples are missing", TORQUE.format(17)],
         ),
-        ("Kinova_Gen3_joints/joint_6_trapez.csv", KINOVA(6), [TWICE.format(94)]),
+        (
+            "Kinova_Gen3_joints/joint_6_trapez.csv",
+            KINOVA(6),
+            [NUMBERED.format(92, 71), "130 of 5811 samples are missing"],
+        ),
         ("UR5_joints/joint_1.csv", UR5, [UNEVEN]),
     ],
 )

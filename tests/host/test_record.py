@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as npst
 
 from axistwin.errors import FileError, InputError
 from axistwin.readers import read_record
-from axistwin.record import Record, from_samples, write_csv
+from axistwin.record import Array, Record, from_samples, write_csv
 
 finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
 
@@ -125,6 +125,73 @@ def test_a_long_gap_in_an_uneven_time_base_is_missing() -> None:
     assert gap.min() > time[299] - 0.02
     assert gap.max() < time[300] + 0.02
     assert len(gap) == pytest.approx(0.5 / record.time_step, abs=2)
+
+
+def stumbling(advances: list[int]) -> Record:
+    """Samples of a motion, each so many time steps after the last, that a log numbers."""
+    places = np.concatenate([[0], np.cumsum(advances)])
+    angle, speed = (0.1 * np.sin(1e-3 * places), 0.1 * np.cos(1e-3 * places))  # for 1 ms
+    return from_samples(
+        1e-3 * np.arange(len(places)),
+        {"torque": np.sin(0.01 * places), "theta1": angle, "omega1": speed},
+        source="made here",
+    )
+
+
+def test_samples_that_are_only_numbered_are_put_where_the_motion_has_them() -> None:
+    advances = np.ones(1000, np.int64)
+    advances[[100, 300, 700]], advances[[101, 301]], advances[500] = 0, 2, 3
+    record = stumbling(advances.tolist())
+    (warning,) = record.warnings
+    assert "3 samples are repeats and 4 are lost" in warning
+    assert record.missing.tolist() == []
+    assert len(record) == 1001 - 3 + 4
+    assert record.theta1 == pytest.approx(0.1 * np.sin(record.time), abs=1e-7)
+    assert record.torque == pytest.approx(np.sin(10.0 * record.time), abs=1e-4)
+
+
+def test_nothing_is_known_where_samples_stumble_again_and_again_or_many_are_lost() -> None:
+    advances = np.ones(1000, np.int64)
+    advances[400:440:8], advances[404:440:8], advances[600] = 0, 2, 9
+    record = stumbling(advances.tolist())
+    assert any("5 samples are repeats and 13 are lost" in line for line in record.warnings)
+    times = record.time[record.missing]
+    assert np.all(((times > 0.399) & (times < 0.441)) | ((times > 0.599) & (times < 0.609)))
+    assert len(times) > 40
+    known = np.setdiff1d(np.arange(len(record)), record.missing)
+    assert record.theta1[known] == pytest.approx(0.1 * np.sin(record.time[known]), abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    "speed",
+    [
+        np.ones(1000),  # one that goes on evenly
+        np.random.default_rng(3).uniform(0.5, 1.5, 1000),  # one that tells nothing
+        np.zeros(1000),
+    ],
+)
+def test_time_stamps_are_believed_unless_the_speed_says_otherwise(speed: Array) -> None:
+    time = 1e-3 * np.arange(1000)
+    angle = np.cumsum(np.full(1000, 1e-3))
+    record = from_samples(
+        time, {"torque": angle, "theta1": angle, "omega1": speed}, source="made here"
+    )
+    assert record.warnings == ()
+    assert record.theta1.tolist() == angle.tolist()
+
+
+def test_a_coarse_encoder_stands_still_and_jumps_at_an_even_speed() -> None:
+    """By a count a sample at 1 rad/s, and at times by none or two."""
+    jumps = np.ones(1000)
+    jumps[100::100], jumps[101::100] = 0.0, 2.0
+    angle = 1e-3 * np.cumsum(jumps)
+    record = from_samples(
+        1e-3 * np.arange(1000),
+        {"torque": angle, "theta1": angle, "omega1": np.ones(1000)},
+        source="made here",
+    )
+    assert record.warnings == ()
+    assert record.theta1.tolist() == angle.tolist()
 
 
 @pytest.mark.parametrize(

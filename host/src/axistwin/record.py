@@ -29,6 +29,22 @@ CSV_TAG = "# axistwin record "
 # Times may be off the even grid by this share of a time step: rounding, no more.
 _UNEVEN_MAX = 1e-2
 
+# An axis that moves at this share of its usual speed advances by what its speed says, times a whole
+# number but for this part of one; so many times that is not one where the samples stumble.
+_MOVING = 0.5
+_PART_OF_STEP = 0.3
+_STUMBLES_MIN = 5
+
+# It has to be so many counts of the encoder that it advances by; advances that differ by this share
+# of the largest angle are the same.
+_COUNTS_MIN = 4.0
+_ROUNDING = 1e-12
+
+# Where samples are so many time steps apart, at most, those in between are interpolated then; where
+# so many stumbles as above follow each other within so many samples it is not known when they were.
+_BRIDGED = 3
+_STUMBLE_APART = 10
+
 # Time stamps that jitter are off by less than this many time steps: more is a gap, or a drift.
 _JITTER_MAX = 20.0
 
@@ -135,7 +151,8 @@ def from_samples(
 
     Samples that lie on an even grid are put there, what is missing in between is interpolated and
     listed. Samples that do not get a warning: where the motion shows that only their time stamps
-    jitter they are kept as they are, else they are resampled by linear interpolation.
+    jitter they are kept as they are, else they are resampled by linear interpolation. Even time
+    stamps are not believed where ``theta1`` repeats and jumps although ``omega1`` goes on.
     ``properties`` are further arguments of Record. Raises InputError when time does not increase,
     or more samples are missing than there are.
     """
@@ -165,6 +182,15 @@ def from_samples(
             f"{steps[at]:g} s after sample {at})"
         )
     even = _even_grid(raw_time, steps, step)
+    if even is not None and (advances := _advances(raw, *even)) is not None:
+        raw_time, raw = _as_it_moves(raw_time, raw, advances)
+        even = _even_grid(raw_time, np.diff(raw_time), even[0])
+        repeats, lost = np.sum(advances == 0), np.sum(np.maximum(advances - 1, 0))
+        warnings += (
+            f"theta1 has spikes of the sampling, where omega1 goes on: {repeats} samples are "
+            f"repeats and {lost} are lost; put where the motion has them, log every sample once, "
+            "with its own time",
+        )
     jitter = None if even is not None else _stamp_jitter(raw_time, raw["theta1"])
     uneven = f"the time base is uneven (steps of {steps.min():.6g} to {steps.max():.6g} s)"
     missing = np.zeros(0, np.int64)
@@ -216,6 +242,50 @@ def _even_grid(time: Array, steps: Array, step: float) -> tuple[float, Indices] 
     fitted = float(time[-1] - time[0]) / float(places[-1])
     off = np.abs(time - time[0] - fitted * places)
     return (fitted, places) if np.max(off) <= _UNEVEN_MAX * fitted else None
+
+
+def _advances(channels: Mapping[str, Array], step: float, places: Indices) -> Indices | None:
+    """Over how many time steps the motor went from each sample to the next (n - 1,), as its angle
+    and its speed have it; None where they agree with the time stamps, or tell nothing."""
+    if "omega1" not in channels or places[-1] != len(places) - 1:
+        return None
+    speed = 0.5 * (channels["omega1"][1:] + channels["omega1"][:-1])
+    moving = np.abs(speed) > _MOVING * np.quantile(np.abs(speed), 0.9)
+    if not np.any(moving):
+        return None
+    turned, wanted = np.diff(channels["theta1"]), step * speed[moving]
+    times = turned[moving] / wanted
+    whole = np.maximum(np.rint(times), 0.0)
+    if np.max(np.abs(times - whole)) > _PART_OF_STEP or np.sum(whole != 1.0) < _STUMBLES_MIN:
+        return None
+    apart = np.diff(np.unique(turned))
+    rounding = _ROUNDING * np.max(np.abs(channels["theta1"]))
+    count = np.min(apart[apart > rounding], initial=np.inf)
+    if np.min(np.abs(wanted)) < _COUNTS_MIN * count:  # by one count, it is at times by none or two
+        return None
+    advances = np.ones(len(speed), np.int64)
+    advances[moving] = whole
+    return advances
+
+
+def _as_it_moves(
+    time: Array, channels: Mapping[str, Array], advances: Indices
+) -> tuple[Array, dict[str, Array]]:
+    """Samples at the steps of an even ``time`` that they advance by: without repeats, and where few
+    in a row are lost interpolated. Where they stumble again and again there is none."""
+    at = np.flatnonzero(advances != 1)
+    runs = np.split(at, np.flatnonzero(np.diff(at) > _STUMBLE_APART) + 1)
+    fresh = np.concatenate([[True], advances > 0])
+    for run in runs:
+        if len(run) >= _STUMBLES_MIN:
+            fresh[run[0] + 1 : run[-1] + 1] = False
+    places = np.concatenate([[0], np.cumsum(advances)])[fresh]
+    lost = np.setdiff1d(np.arange(places[-1]), places)
+    around = np.searchsorted(places, lost)
+    bridged = places[around] - places[around - 1] <= _BRIDGED
+    filled = np.union1d(places, lost[bridged])
+    found = {name: np.interp(filled, places, values[fresh]) for name, values in channels.items()}
+    return time[0] + (time[1] - time[0]) * filled, found
 
 
 def _stamp_jitter(time: Array, angle: Array) -> float | None:
