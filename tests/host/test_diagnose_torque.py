@@ -12,7 +12,7 @@ from conftest import Measured
 
 from axistwin import compare, core
 from axistwin.core import Array, Axis, Effect
-from axistwin.diagnose import diagnose, search, windows
+from axistwin.diagnose import diagnose, search, windows, words
 from axistwin.diagnose.effects import Found, Ripple
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Rigid
@@ -229,3 +229,28 @@ def test_cogging(measured: Measured, tmp_path: Path) -> None:
     assert 0.12 < ripples[0]["amplitude"] < 0.3
     assert {18.0, 12.0} <= {one["periods"] for one in ripples[1:]}
     assert all(one["amplitude"] < ripples[0]["amplitude"] / 3.0 for one in ripples[1:])
+
+
+def test_harmonic_drive(measured: Measured) -> None:
+    """A joint that moves once, one way, and whose log only numbers its samples. Least squares of
+    its torque, below 10 to 40 Hz, on acceleration, direction and speed where the samples are even:
+    0.43 to 0.47 kg m2, 3.1 to 3.2 N m, 2.8 to 2.9 N m s."""
+    options = ColumnOptions(
+        columns={
+            "t": "Time",
+            "theta1": "Position1",
+            "torque": "TorqueCur1",
+            "omega1": "Velocity1",
+        },
+        scales={"t": "1e-3"},
+    )
+    found = diagnose(read_record(measured("Kinova_Gen3_joints/joint_1_trapez.csv"), options))
+    named = {(one.effect, one.location): one.params for one in found.findings}
+    assert named.keys() == {("friction_coulomb", "motor"), ("sample_loss", "record")}
+    assert named["friction_coulomb", "motor"]["torque"] == pytest.approx(3.1, rel=0.1)
+    assert found.axis["I"].value == pytest.approx(0.45, rel=0.2)
+    assert found.unexplained
+    assert any("spikes of the sampling" in line for line in found.warnings)
+    # Held-out windows have it move evenly, where a torque that is always there drives away most.
+    assert found.error.extended > found.error.base
+    assert "is less torque, but adds up to more: from" in words.paragraph(found)

@@ -39,6 +39,10 @@ _MASS_RATIO_MIN = 1e-5
 _FINE = 0.25
 _PARTS = 32
 
+#: An axis that moves both ways does so for this share of the time, at this share of its speed.
+_BOTH_SHARE = 0.01
+_BOTH_WAYS = 0.1
+
 #: The shape of a wave that there is once a turn.
 _ONCE: Shape = (1.0,)
 
@@ -223,6 +227,12 @@ class Asymmetry(Kind):
 
     def pushes(self, motion: Motion, plant: Plant, shape: Shape) -> list[Push]:
         return [torque_at(self.place, -np.abs(motion.speed[self.place]))]
+
+    def possible(self, motion: Motion, shape: Shape) -> bool:
+        """In one direction it is viscous friction."""
+        speed = motion.speed[self.place]
+        fast = _BOTH_WAYS * float(np.sqrt(np.mean(speed**2)))
+        return bool(min(np.mean(speed > fast), np.mean(speed < -fast)) > _BOTH_SHARE)
 
 
 @dataclass(frozen=True)

@@ -185,7 +185,8 @@ class _Replaying:
         self._free = slice(0 if fast else 2, 6 if mode else 4)
         steps = np.array([1.0, fast, slow, 1.0, 1.0, mode])
         self._state_steps = (_STATE_STEP * noise * steps)[self._free]
-        self._turned = max(fast, mode) * fit.windows.time_step
+        # A fit that is far off may vibrate faster than samples tell: finer steps would not help it.
+        self._turned = min(max(fast, mode) * fit.windows.time_step, np.pi)
         self.substeps = self._fine_enough()
 
     def adjusted(self) -> Replay | None:

@@ -261,10 +261,13 @@ def paragraph(diagnosis: Diagnosis) -> str:
         if diagnosis.unexplained
         else "What is left is noise."
     )
+    # Where a torque that is not understood outweighs noise errors are weighted as that torque is.
+    grown = diagnosis.error.extended > diagnosis.error.base
+    falls = "is less torque, but adds up to more: " if grown else "falls "
     return (
         f"{named[:1].upper()}{named[1:]} {verb} {percent(whole)} of the error of the simulation: "
-        f"with {them} in the model, the error on windows that no fit has seen falls from {base} to "
-        f"{extended} rms, where noise alone makes {floor}. {ending}"
+        f"with {them} in the model, the error on windows that no fit has seen {falls}from {base} "
+        f"to {extended} rms, where noise alone makes {floor}. {ending}"
     )
 
 
