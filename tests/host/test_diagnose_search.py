@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from axistwin.core import Effect
-from axistwin.diagnose import diagnose, resonance, search, selection, windows
+from axistwin.diagnose import diagnose, resonance, search, selection, trials, windows
 from axistwin.diagnose.effects import (
     MOTOR,
     TABLE,
@@ -25,6 +25,7 @@ from axistwin.diagnose.fit import NEARLY_RIGHT, RIGHT, Fit
 from axistwin.diagnose.linear import TwoInertias
 from axistwin.diagnose.state import State, Trial
 from axistwin.diagnose.trials import Trials
+from axistwin.errors import InputError
 
 from .diagnosis_records import AXIS, NOISE, STEP, record, shake
 
@@ -143,6 +144,25 @@ def test_nothing_is_added_near_the_noise_before_a_replay(monkeypatch: pytest.Mon
     assert [one.replay is not None for one in found.states] == [True]
 
 
+def test_a_step_to_values_that_no_axis_has_is_shortened(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its frequency, which the motion is smoothed by, may be what has a limit."""
+    frequency, least = vars(TwoInertias)["frequency"].fget, 1.1 * AXIS.I2
+
+    def limited(plant: TwoInertias) -> float:
+        if least > plant.axis.I2:
+            raise InputError("out of range")
+        return float(frequency(plant))
+
+    monkeypatch.setattr(TwoInertias, "frequency", property(limited))
+    start = Fit(
+        windows.cut(record(torque=TORQUE[:6000]), WINDOW),
+        "zoh",
+        TwoInertias(replace(AXIS, I2=1.3 * AXIS.I2)),
+    )
+    adjusted = State.along(start).fit.plant.values
+    assert least <= adjusted[1] < 1.15 * AXIS.I2
+
+
 @pytest.mark.parametrize("place", [MOTOR, TABLE])
 def test_the_end_of_a_friction_is_told_again_once_all_else_is_known(place: int) -> None:
     """By what it twists the shaft: else that would seem to be a delay of one of the encoders."""
@@ -193,6 +213,53 @@ def test_far_from_noise_an_effect_may_be_significant_only_when_it_is_fitted_in_f
     better = selection._best(state, [no_gain], lambda _: None)
     assert better is not None
     assert better.fit.found[0].sizes == pytest.approx([1e5], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("found", "left", "significant_"),
+    [
+        (Found(Hardening(), np.array([1.0]), ()), 0.05, True),
+        (Found(Hardening(), np.array([1.0]), ()), 0.2, False),
+        (Found(ExtraMode(TABLE), np.array([0.1]), (30.0, 0.1)), 0.0005, True),
+        (Found(ExtraMode(TABLE), np.array([0.1]), (30.0, 0.1)), 0.05, False),
+    ],
+)
+def test_the_more_numbers_the_more_of_a_lone_window_they_have_to_explain(
+    found: Found, left: float, significant_: bool
+) -> None:
+    """Held-out windows know nothing of a first transient."""
+    cut = windows.cut(record(torque=TORQUE[:8000]), WINDOW)
+    state = State.along(Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, NOISE)))
+    samples = float(state.samples)
+    first = np.arange(cut.count) == 0
+    before, after = (samples * (1.0 + 300.0 * part * first) for part in (1.0, left))
+    trial = Trial(found, before, after, cut.held_out)
+    assert trials.significant(trial, state) == significant_
+
+
+@pytest.mark.parametrize("explained", [True, False])
+def test_what_a_mode_leaves_unexplained_is_looked_for_without_one(
+    monkeypatch: pytest.MonkeyPatch, explained: bool
+) -> None:
+    """Far off, a mode may come nearest to anything at first."""
+    cut = windows.cut(
+        record(Effect("torque_offset", "motor", {"torque": 1e-3}), torque=TORQUE), WINDOW
+    )
+    base = State.along(Fit(cut, "zoh", TwoInertias(AXIS), noise=np.full(2, NOISE)))
+    mode = Found(ExtraMode(TABLE), np.array([0.5]), (30.0, 0.1))
+    false = State(replace(base.fit, found=(mode,)), base.motion)
+    true = State.along(replace(base.fit, found=(Found(Offset(MOTOR), np.zeros(1), ()),)))
+    assert false.scale > base.scale > true.scale
+    asked = []
+
+    def extended(states: list[State], *_: object, modes: bool = True) -> selection.Search:
+        asked.append(modes)
+        return selection.Search((states[0], false if modes and not explained else true), ((), ()))
+
+    monkeypatch.setattr(search, "extended", extended)
+    found = search._searched([base], lambda _: None)
+    assert found.states[-1].fit.found[0].kind == Offset(MOTOR)
+    assert asked == ([True] if explained else [True, False])
 
 
 @pytest.mark.parametrize("there", [True, False])

@@ -528,9 +528,8 @@ class Fit:
             moved = fit._line_search(step, motion, misfit)
             if moved is None:
                 break
-            fit = moved
             # The motion known now is another one, along which the error may have grown.
-            motion = fit.motion(motion)
+            fit, motion = moved
         if fit.misfit(fit.residual(motion)) < best[0]:
             return fit, motion
         return best[1], best[2]
@@ -576,15 +575,15 @@ class Fit:
         bounded[mode] = np.clip(step[mode], lowest / sizes, highest / sizes)
         return bounded
 
-    def _line_search(self, step: Array, motion: Motion, before: float) -> Fit | None:
+    def _line_search(self, step: Array, motion: Motion, before: float) -> tuple[Fit, Motion] | None:
+        """The fit so far along a step that it is better along the motion, and what moves then."""
         for halving in range(_HALVINGS):
             try:
                 fit = self.moved(step * 0.5**halving)
-                after = fit.misfit(fit.residual(motion))
-            except InputError:
+                if fit.misfit(fit.residual(motion)) < before:
+                    return fit, fit.motion(motion)
+            except InputError:  # no axis has these values
                 continue
-            if after < before:
-                return fit
         return None
 
     def with_noise(self, motion: Motion) -> Fit:

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from axistwin.diagnose import nameless
+from axistwin.diagnose.effects import ExtraMode
 from axistwin.diagnose.fit import NEARLY_RIGHT, RIGHT, Fit
 from axistwin.diagnose.selection import (
     Search,
@@ -104,12 +105,20 @@ def _weighted(found: Search, bases: Sequence[State], progress: Progress) -> Sear
 
 
 def _searched(bases: Sequence[State], progress: Progress) -> Search:
-    """All effects with the weights that the errors of the bases have."""
+    """All effects with the weights that the errors of the bases have.
+
+    Far off, a further mode may come nearest to anything: what it leaves unexplained may be nothing
+    without one.
+    """
     found = extended([bases[0]], [], progress)
-    for base in bases[1:]:
+    last = found.states[-1]
+    ways = [(base, True) for base in bases[1:]]
+    if last.scale > UNEXPLAINED and any(isinstance(one.kind, ExtraMode) for one in last.fit.found):
+        ways.insert(0, (bases[0], False))
+    for base, modes in ways:
         if found.states[-1].scale < RIGHT:
             break
-        other = extended([base], [], progress)
+        other = extended([base], [], progress, modes=modes)
         if preferred(other.states[-1], found.states[-1]):
             found = other
     found = settled(found, progress)

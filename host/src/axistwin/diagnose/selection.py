@@ -85,11 +85,18 @@ class Search:
     form: Trial | None = None
 
 
-def extended(states: list[State], tried: list[tuple[Trial, ...]], progress: Progress) -> Search:
-    """Adds effects one at a time while held-out data say so."""
+def extended(
+    states: list[State],
+    tried: list[tuple[Trial, ...]],
+    progress: Progress,
+    *,
+    modes: bool = True,
+) -> Search:
+    """Adds effects one at a time while held-out data say so; ``modes``, too, or all others."""
     while True:
         state = states[-1]
-        trials = Trials(state).run(addable(state.fit), progress)
+        kinds = [one for one in addable(state.fit) if modes or not isinstance(one, ExtraMode)]
+        trials = Trials(state).run(kinds, progress)
         tried.append(tuple(trials))
         better = None
         most = EFFECTS_MAX if state.fit.corner == 0.0 else EFFECTS_OF_TORQUE_MAX

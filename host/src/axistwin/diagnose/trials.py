@@ -295,7 +295,7 @@ def significant(trial: Trial, state: State) -> bool:
     enough.
     """
     unknowns = max(trial.found.kind.sizes, 1) + len(trial.found.shape)
-    if len(trial.found.values) == 1 and _normalised(trial, state.samples):
+    if _normalised(trial, state.samples):
         return True
     scale = max(1.0, float(np.mean(trial.before)) / state.samples)
     if trial.gain <= (GAIN_MIN + 4.0 * unknowns) * scale or trial.total <= HELD_OUT_MIN * scale:
@@ -323,9 +323,10 @@ def _explained(trial: Trial, samples: int) -> bool:
 def _normalised(trial: Trial, samples: int) -> bool:
     """Whether a few windows that were unlike the others become like them.
 
-    That is what a limit does that is seldom reached, or a shaft that has got softer when the first
-    transient is over. One number cannot make that of an error that has another cause, be the
-    windows held out or not.
+    That is what a limit does that is seldom reached, a shaft that has got softer when the first
+    transient is over, or a further mode that only this one shows. One number cannot make that of an
+    error that has another cause, be the windows held out or not; nor can several, of which each
+    may leave a part of what the others do.
     """
     usual = float(np.median(trial.after))
     gained = trial.before - trial.after
@@ -334,4 +335,5 @@ def _normalised(trial: Trial, samples: int) -> bool:
     if not 0 < np.count_nonzero(few) < _FEW * len(few):
         return False
     excess, left = (float(np.sum(errors[few] - usual)) for errors in (trial.before, trial.after))
-    return left < _NEARLY_NONE * excess and float(np.sum(gained)) > _NEARLY_ALL * excess
+    part = _NEARLY_NONE ** len(trial.found.values)
+    return left < part * excess and float(np.sum(gained)) > _NEARLY_ALL * excess
