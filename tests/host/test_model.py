@@ -298,10 +298,12 @@ def test_a_model_sent_to_an_emulated_axis_is_what_it_is_from_then_on(
         assert "at rest at angle 0" in capsys.readouterr().out
         assert main(["trace", *carrier, "--excite", "-n", "4000", "-f", str(file)]) == 0
     record = readers.read_record(file)
-    resolution = 2 * np.pi / 2**20
-    for sent, least, most in ((WORN, 0.0, 2.0), (Model(AXIS), 20.0, np.inf)):
-        errors = compare.compare(sent, record, window=0.05, hold="newmark")
-        assert least < errors[0].rms / resolution < most
+    # In so short a time what it rattles in its play hardly depends on the state it starts from, and
+    # all that is left is the rounding to a count.
+    rounding = 2 * np.pi / 2**20 / np.sqrt(12)
+    for sent, least, most in ((WORN, 0.9, 1.1), (Model(AXIS), 100.0, np.inf)):
+        errors = compare.compare(sent, record, window=0.02, hold="newmark")
+        assert least < errors[0].rms / rounding < most
 
 
 def test_an_axis_is_not_changed_under_a_torque(tmp_path: Path) -> None:
