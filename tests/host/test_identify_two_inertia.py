@@ -278,6 +278,18 @@ def test_state_at_the_first_sample_is_found() -> None:
     assert found["zero"] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("late", [0, 2, 4])
+def test_a_start_is_found_where_the_torque_acts_radians_late(late: int) -> None:
+    time_step = 1.0 / core.modal(PAPER).wn
+    torque = np.repeat(np.random.default_rng(0).choice([-1.0, 1.0], 500), 5)
+    still = np.zeros(late)
+    record = ideal(PAPER, time_step, np.concatenate([still, torque]))
+    samples = longest_stretch(replace(record, torque=np.concatenate([torque, still])))
+    start = output_error.find_start(samples)
+    for name in ("I1", "K"):
+        assert getattr(start, name) == pytest.approx(getattr(PAPER, name), rel=0.3)
+
+
 def test_no_damping_is_said_to_be_undetermined() -> None:
     undamped = core.Axis(PAPER.I1, PAPER.I2, 0.0, PAPER.K)
     result = identify(trace(axis=undamped))

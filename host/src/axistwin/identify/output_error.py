@@ -10,7 +10,7 @@ has one. With white noise it reaches the Cramer-Rao bound.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.optimize
@@ -46,6 +46,10 @@ _COMPLETIONS = 3
 _CORNERS = 8
 _PASSES = 3
 _CORNER_SETTLED = 0.02
+
+#: Where fewer of these give an axis the torque may act late, by so many samples at most.
+_FEW = _CORNERS // 2
+_LATE_MAX = 8
 
 #: Evaluations of one round: a start that is any good needs five.
 _EVALUATIONS_MAX = 50
@@ -171,21 +175,18 @@ def find_start(samples: Samples, progress: Progress = lambda _: None) -> core.Ax
 
     Regressions with the filter's corner all over the frequency range, each repeated with the
     corner moved to the natural frequency just found; the axis whose simulation is closest to the
-    measurement is taken. Raises NotEnoughDataError when none of them is an axis.
+    measurement is taken. Where hardly any is an axis, it may be one under a later torque. Raises
+    NotEnoughDataError when none of them is.
     """
-    problem = _Problem(samples, HOLDS[0])
-    candidates = []
-    if samples.has_speeds:
-        candidates.append(_axis_from(regression.midpoint(samples)))
-    lowest = 100.0 / samples.count  # the filter settles within a third of the samples
-    for index, corner in enumerate(np.geomspace(lowest, 1.5, _CORNERS)):
-        progress(f"filtered regression {index + 1} of {_CORNERS}")
-        candidates.append(_refiltered(samples, float(corner) / samples.time_step))
-    axes = [axis for axis in candidates if axis is not None]
-    misfits = [problem.misfit(axis) for axis in axes]
-    if not misfits or min(misfits) == np.inf:
+    found = _candidates(samples, progress)
+    if len(found) < _FEW:
+        # At a resonance two samples may be a quarter of a turn: what answers so is no axis.
+        for late in range(1, _LATE_MAX + 1):
+            progress(f"the torque {late} samples later")
+            found += _candidates(_later(samples, late))
+    if not found:
         raise NotEnoughDataError("no resonance of motor against table is to be seen in this record")
-    return axes[int(np.argmin(misfits))]
+    return min(found, key=lambda one: one[0])[1]
 
 
 def filter_corner(axis: core.Axis, samples: Samples) -> float:
@@ -304,6 +305,38 @@ class _Problem:
         load = (axis.I1 + axis.I2) * speed / samples.duration
         state = (twist, twist * wn, speed, travel)
         return np.array([axis.I1, axis.I2, damping, axis.K, *state, twist, load])
+
+
+def _candidates(
+    samples: Samples, progress: Progress = lambda _: None
+) -> list[tuple[float, core.Axis]]:
+    """The axes that regressions find, each with its misfit to these samples."""
+    problem = _Problem(samples, HOLDS[0])
+    axes = []
+    if samples.has_speeds:
+        axes.append(_axis_from(regression.midpoint(samples)))
+    lowest = 100.0 / samples.count  # the filter settles within a third of the samples
+    for index, corner in enumerate(np.geomspace(lowest, 1.5, _CORNERS)):
+        progress(f"filtered regression {index + 1} of {_CORNERS}")
+        axes.append(_refiltered(samples, float(corner) / samples.time_step))
+    found = [(problem.misfit(axis), axis) for axis in axes if axis is not None]
+    return [one for one in found if one[0] < np.inf]
+
+
+def _later(samples: Samples, late: int) -> Samples:
+    """Where the torque acts so many samples later."""
+
+    def cut(channel: Array | None) -> Array | None:
+        return None if channel is None else channel[late:]
+
+    return replace(
+        samples,
+        torque=samples.torque[: samples.count - late],
+        theta1=samples.theta1[late:],
+        theta2=cut(samples.theta2),
+        omega1=cut(samples.omega1),
+        omega2=cut(samples.omega2),
+    )
 
 
 def _refiltered(samples: Samples, corner: float) -> core.Axis | None:
