@@ -12,7 +12,8 @@ from hypothesis.extra import numpy as npst
 
 from axistwin.errors import FileError, InputError
 from axistwin.readers import read_record
-from axistwin.record import Array, Record, from_samples, write_csv
+from axistwin.record import Record, from_samples, write_csv
+from axistwin.sampling import Array
 
 finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
 

@@ -15,7 +15,8 @@ import numpy.typing as npt
 from axistwin.contract import NODES, PAYLOAD, PAYLOAD_FD, Contract, Payloads
 from axistwin.core import Axis, Estimate, Modal
 from axistwin.errors import InputError
-from axistwin.record import Array, Indices, Record
+from axistwin.record import Record
+from axistwin.sampling import Array, Indices
 from axistwin.timebase import Clock, Counting, fit_clock, follow
 
 #: Report pages that describe a node, in the order of the contract.

@@ -15,8 +15,9 @@ from typing import Any, cast
 import numpy as np
 
 from axistwin.errors import InputError, NotEnoughDataError
-from axistwin.record import Array, Indices, Record
+from axistwin.record import Record
 from axistwin.registers import Value, load_table
+from axistwin.sampling import Array, Indices
 from axistwin.timebase import Clock, fit_clock
 
 #: How names of kept histories end.

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from axistwin.core import Array
-from axistwin.record import Indices
+from axistwin.sampling import Indices
 
 _Mask = npt.NDArray[np.bool_]
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from axistwin.errors import InputError
-from axistwin.record import CHANNELS, REQUIRED, Array, Record, from_samples
+from axistwin.record import CHANNELS, REQUIRED, Record, from_samples
+from axistwin.sampling import Array
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ import numpy as np
 
 from axistwin.errors import InputError
 from axistwin.readers.columns import ColumnOptions, make_record, wanted
-from axistwin.record import CSV_TAG, Array, Record
+from axistwin.record import CSV_TAG, Record
+from axistwin.sampling import Array
 
 ENDINGS = (".csv", ".tsv", ".txt")
 

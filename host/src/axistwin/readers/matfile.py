@@ -10,7 +10,8 @@ import scipy.io
 
 from axistwin.errors import InputError
 from axistwin.readers.columns import ColumnOptions, make_record, wanted
-from axistwin.record import Array, Record
+from axistwin.record import Record
+from axistwin.sampling import Array
 
 
 def read(path: Path, options: ColumnOptions) -> Record:
