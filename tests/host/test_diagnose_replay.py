@@ -14,10 +14,20 @@ from axistwin import core
 from axistwin.core import Array, Axis, Effect, Motion
 from axistwin.diagnose import windows
 from axistwin.diagnose.answer import stiff
-from axistwin.diagnose.effects import Backlash, Coulomb, EncoderDelay, ExtraMode, Found, Hardening
+from axistwin.diagnose.effects import (
+    Backlash,
+    Coulomb,
+    EncoderDelay,
+    ExtraMode,
+    Found,
+    FrictionDrift,
+    Hardening,
+)
 from axistwin.diagnose.fit import Fit
 from axistwin.diagnose.linear import Plant, Rigid, ThreeInertias, Torque, TwoInertias
 from axistwin.diagnose.replay import Replay, find_replay
+from axistwin.diagnose.state import State
+from axistwin.diagnose.trials import Trials
 from axistwin.errors import InputError
 from axistwin.model import Model
 from axistwin.record import Record
@@ -410,6 +420,19 @@ def test_friction_beside_a_further_mode_is_replayed() -> None:
     # The steps of the core leave two frequencies off by a thousandth, and their damping by more.
     tolerance = [2e-3, 2e-3, 3e-2, 2e-3, 2e-3, 1e-2, 2e-3, 5e-2]
     assert np.all(np.abs(found_values / truth - 1.0) < tolerance)
+
+
+def test_what_moves_nothing_is_tried_beside_a_replay_and_gains_nothing() -> None:
+    """A friction that is nothing has no drift."""
+    played = fitted(
+        record((Effect("friction_coulomb", "motor", {"torque": 0.01}),)),
+        TwoInertias(AXIS),
+        (Found(Coulomb(0), np.array([0.01]), ()),),
+        noise=0.5 * NOISE,
+    )
+    still = replace(played.motion, friction=np.zeros_like(played.motion.friction))
+    trials = Trials(State(played.fit, still, played)).run([FrictionDrift(0)], lambda _: None)
+    assert [trial.gain for trial in trials] == [0.0]
 
 
 def test_a_linear_axis_is_not_replayed() -> None:

@@ -110,6 +110,8 @@ class Trials:
             return None
         along = self.fit.by_size(found, self.motion)
         most = max(float(np.max(np.abs(column))) for column in along)
+        if most == 0.0:  # a speed that it falls off by, say, that the axis is never as slow as
+            return None
         try:
             columns = replay.by_size(found, most)
         except InputError:
